@@ -26,8 +26,8 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 # what tests the other process sets this to 1.
 os.environ[isolation.FACTOR] = "0"
 
+# The handlers of signals before any test.
 USUAL = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-"""The handlers of signals before any test."""
 
 
 @pytest.fixture(autouse=True)

@@ -28,13 +28,15 @@ import lrf3d
 
 WORLDS = ("paper_room", "corridor", "warehouse", "city", "mirror_hall", "glass_office")
 SEEDS = (0, 1, 2, 3, 4)
+
+# Scans of each drive.
 SCANS = 40
-"""Scans of each drive."""
 
 PLAN_ENDINGS = (".dxf", ".svg", ".pdf", ".png", ".jpg")
 WORLD_ENDINGS = (".yaml", ".geojson", ".osm", ".toml", ".glb", ".obj", ".stl")
+
+# Keys of JSON objects that differ from run to run.
 TIMED = re.compile(r"seconds|_s$|^version$|duration|cpu|started|elapsed|created|memory")
-"""Keys of JSON objects that differ from run to run."""
 
 # Formats of logs whose files do not say how their lines are laid out, by words in their names.
 LOG_FORMATS = {
@@ -42,8 +44,9 @@ LOG_FORMATS = {
     "exp1.dat": "stamp:us@1, left@3, right@4, ranges:mm*682@25, first=-120deg, last=120deg,"
     " tick=0.24190263mm, track=0.33m, offset=0.145m",
 }
+
+# Poses of the two robots of a fleet.
 STARTS = ((1.0, 1.0, 0.0), (2.0, 1.2, 0.5))
-"""Poses of the two robots of a fleet."""
 
 Digests = dict[str, str]
 

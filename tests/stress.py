@@ -31,18 +31,18 @@ from lrf3d.geometry.lines import Float
 
 Rng = np.random.Generator
 
+# By how many units in the last place a range may be off among opaque walls.
 MOST_ULP = 0.52
-"""By how many units in the last place a range may be off among opaque walls."""
 
+# How far a range may be off behind mirrors and glass [m]; beams whose way changes when they are
+# turned by CORNER [rad] are left out, and counted.
 LIGHT_METRES, CORNER = 1e-9, 1e-9
-"""How far a range may be off behind mirrors and glass [m]; beams whose way changes when they are
-turned by CORNER [rad] are left out, and counted."""
 
+# Failures that are kept whole, to be repeated by hand.
 EXAMPLES = 3
-"""Failures that are kept whole, to be repeated by hand."""
 
+# Batches of each kind that a process casts at a time.
 ROUND = 25
-"""Batches of each kind that a process casts at a time."""
 
 
 class Batch(NamedTuple):
@@ -111,8 +111,8 @@ def slivers(rng: Rng) -> Float:
 
 WORLDS: tuple[Callable[[Rng], Float], ...] = (boxes, blocks, crossing, star, doubled, slivers)
 
+# Scales, and offsets [m] along x, y or both.
 SETTINGS = ((1.0, 0.0), (1.0, 0.0), (1.0, 1e3), (1.0, 1e6), (1e-3, 0.0), (1e3, 1e7))
-"""Scales, and offsets [m] along x, y or both."""
 
 
 def some_world(rng: Rng) -> tuple[Float, float]:
@@ -129,11 +129,11 @@ def some_world(rng: Rng) -> tuple[Float, float]:
 
 # --- where lasers stand and what they aim at ------------------------------------------------------
 
+# Beams and width [rad] of ordinary and odd fans; some go round more than once.
 FANS = (
     (1, 0.0), (2, 0.0), (3, 1e-10), (9, 1e-6), (7, 1e-3), (19, np.pi), (13, 2.0 * np.pi),
     (25, 7.0), (33, 15.0),
 )  # fmt: skip
-"""Beams and width [rad] of ordinary and odd fans; some go round more than once."""
 
 
 def some_fan(rng: Rng, range_max: float) -> LaserRangeFinder:

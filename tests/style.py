@@ -21,15 +21,16 @@ MOST_BRANCHES = 10
 MOST_NESTED = 4
 MOST_ARGUMENTS = 7
 MOST_LINES = 500
+
+# Share of the assignments that may pack several values.
 MOST_PACKED = 0.03
-"""Share of the assignments that may pack several values."""
 
 PACKED, BRANCHES, NESTS, ARGUMENTS, NAMES, LINES = (
     "packs values", "branches", "nested", "arguments", "names two things", "lines",
 )  # fmt: skip
 
+# How many functions may be over a limit; of all others none.
 ALLOWED = {BRANCHES: 90, ARGUMENTS: 5}
-"""How many functions may be over a limit; of all others none."""
 
 BRANCHING = (ast.If, ast.For, ast.While, ast.ExceptHandler, ast.IfExp, ast.Assert,
              ast.comprehension, ast.match_case)  # fmt: skip

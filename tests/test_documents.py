@@ -20,12 +20,13 @@ from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.schema import OBJECT, OBSTACLE
 
 README = PAGES[0]
+
+# Pages whose snippets take more than some seconds.
 LONG = {
     *("casting.md", "crosscheck.md", "film.md", "localisation.md", "long-runs.md", "notebooks.md"),
     *("own-algorithms.md", "range-finder.md", "slam.md", "sweeps.md", "tour.md", "view.md"),
     "worlds.md",
 }
-"""Pages whose snippets take more than some seconds."""
 
 
 EXAMPLES = {

@@ -17,11 +17,11 @@ from lrf3d.recordings.formats.trajectory import load_tum
 
 ROOT = Path(__file__).parents[1]
 
+# Commands of the README's table on files that lie in the repository.
 TYPED = re.findall(r"`lrf3d ([^`]*examples/[^`]*)`", (ROOT / "README.md").read_text("utf-8"))
-"""Commands of the README's table on files that lie in the repository."""
 
+# How those begin that take more than some seconds.
 LONG = ("run examples/town", "run examples/flat.png", "localise")
-"""How those begin that take more than some seconds."""
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,8 @@ import pytest
 import lrf3d
 from lrf3d.slam import SlamMapper
 
+# For each world what is changed; scans, the distance driven [m] and the mean range [m]; segments
+# and objects of the map; F1 of lengths and of segments, and the RMS of the segments [m].
 DRIVES = {
     "paper_room": ({}, (3, 17.7898, 5.1310), (13, 3), (0.9967, 0.9600), 0.0045),
     "city": ({"scans": 150}, (150, 118.7450, 15.3716), (78, 48), (0.8723, 0.7582), 0.0046),
@@ -20,17 +22,15 @@ DRIVES = {
     "mirror_hall": ({"scans": 60}, (60, 11.7944, 7.1114), (14, 4), (1.0, 0.9231), 0.0027),
     "warehouse": ({"scans": 60}, (60, 22.1250, 4.1673), (12, 5), (0.9944, 0.9600), 0.0039),
 }  # fmt: skip
-"""For each world what is changed; scans, the distance driven [m] and the mean range [m]; segments
-and objects of the map; F1 of lengths and of segments, and the RMS of the segments [m]."""
 
 
+# Means of red, green and blue in 4 by 4 parts of a picture of the paper's room.
 FRAME = [
     [[26, 35, 52], [67, 64, 79], [54, 57, 67], [26, 36, 53]],
     [[126, 114, 125], [164, 144, 124], [132, 129, 139], [62, 73, 95]],
     [[53, 57, 75], [157, 135, 110], [162, 140, 120], [87, 91, 114]],
     [[24, 33, 49], [25, 34, 51], [24, 33, 49], [24, 33, 50]],
 ]
-"""Means of red, green and blue in 4 by 4 parts of a picture of the paper's room."""
 
 
 @pytest.mark.parametrize("name", DRIVES)

@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from lrf3d.base.errors import OutputError
-from lrf3d.base.interrupts import check
+from lrf3d.base.interrupts import MOMENT, check
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -73,7 +73,7 @@ def results(futures: "Iterable[Future[Result]]") -> "Iterator[Result]":
 
     for future in futures:
         # A signal does not end this wait, so it ends now and then by itself.
-        while not wait([future], 0.1).done:
+        while not wait([future], MOMENT).done:
             check()
         yield future.result()
 

@@ -58,6 +58,19 @@ def shown(value: object, most: int = 40) -> str:
         return f"a value of type {type(value).__name__}"
 
 
+def storage(size: float) -> str:
+    """A size [bytes] in words.
+
+    >>> storage(1_234_567), storage(800)
+    ('1.2 MB', '0.8 kB')
+    """
+    for unit in ("kB", "MB"):
+        size /= 1000
+        if size < 1000:
+            return f"{size:.1f} {unit}"
+    return f"{size / 1000:,.1f} GB"
+
+
 def _text(value: object) -> str:
     """The text of a value, or of its first parts if it has thousands: they may be all the same."""
     parts = [value]

@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import BinaryIO
 
-from lrf3d.base.errors import InputError, OutputError, shown
+from lrf3d.base.errors import InputError, OutputError, shown, storage
 from lrf3d.base.interrupts import unfinished as unfinished_paths
 
 # Largest text file [bytes]: about two million walls as TOML.
@@ -62,7 +62,7 @@ def check_ordinary(
         raise error(f"{path}: {kind}, expected {what}")
     if largest is not None and status.st_size > largest:
         raise error(
-            f"{path}: {status.st_size / 1e6:.3g} MB, more than the {largest / 1e6:.3g} MB that"
+            f"{path}: {storage(status.st_size)}, more than the {storage(largest)} that"
             " such a file may have; cut it down to what is needed"
         )
 

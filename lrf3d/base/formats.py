@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from lrf3d.base.errors import WorldError
+from lrf3d.base.errors import WorldError, storage
 from lrf3d.base.files import opened
 
 # First bytes of packed files.
@@ -295,7 +295,7 @@ def unpacked(path: Path, largest: int) -> Iterator[Path]:
         copy = Path(folder) / _plain_name(path.name.lower())
         copy.write_bytes(unpacking.read(largest + 1))
         if copy.stat().st_size > largest:
-            raise WorldError(f"unpacks to more than {largest / 1e6:.3g} MB; cut it down")
+            raise WorldError(f"unpacks to more than {storage(largest)}; cut it down")
         yield copy
 
 

@@ -60,6 +60,11 @@ def check() -> None:
         raise KeyboardInterrupt
 
 
+# Time [s] between two checks of what waits, and within which a second signal counts as the first:
+# programs that start others, such as `uv run`, forward a Ctrl-C that the terminal has sent to all.
+MOMENT = 0.1
+
+
 def handle_signals(name: str) -> None:
     """Let signals stop the program of this name: at the next `check`, or the second one at once."""
     global _asked, _end
@@ -69,9 +74,6 @@ def handle_signals(name: str) -> None:
 
     def handle(number: int, where: "FrameType | None") -> None:
         global _asked, _since
-        # [s] Time within which a second signal counts as the first: programs that start others,
-        # such as `uv run`, forward a Ctrl-C that the terminal has sent to all.
-        same = 0.1
         if not _asked:
             _asked = number
             _since = monotonic()
@@ -79,7 +81,7 @@ def handle_signals(name: str) -> None:
                 raise KeyboardInterrupt
             if sys.stderr is not None and sys.stderr.isatty():
                 _write(f"\n{name}: stopping; Ctrl-C again ends it at once\n")
-        elif monotonic() > _since + same:
+        elif monotonic() > _since + MOMENT:
             _end_now(name, _asked)
 
     usual = sys.unraisablehook

@@ -24,7 +24,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from lrf3d.base import errors
-from lrf3d.base.errors import InputError, Lrf3dError, Lrf3dWarning, one_line, shown
+from lrf3d.base.errors import InputError, Lrf3dError, Lrf3dWarning, one_line, shown, storage
 from lrf3d.base.formats import function
 from lrf3d.base.interrupts import unfinished
 from lrf3d.base.packing import receive, send
@@ -234,7 +234,7 @@ def _end(status: int, limits: ReadingLimits, most: int) -> str:
 
 
 def _memory(limits: ReadingLimits) -> str:
-    return limits.advice(f"reading it takes more than {limits.memory / 1e9:.3g} GB of memory")
+    return limits.advice(f"reading it takes more than {storage(limits.memory)} of memory")
 
 
 def _named(name: object, otherwise: type[Any]) -> type[Any]:

@@ -14,6 +14,8 @@ from dataclasses import fields, is_dataclass
 from importlib import import_module
 from typing import IO, Any
 
+from lrf3d.base.errors import storage
+
 # Each array begins at a multiple of this [bytes], so that it is used without a copy.
 ALIGNED = 8
 
@@ -49,7 +51,7 @@ def receive(stream: IO[bytes], most: int) -> Any:
     text_size, size = (int.from_bytes(_read(stream, 8), "little") for _ in range(2))
     # Parsed, a text takes several times its size.
     if 4 * text_size + size > most:
-        raise ValueError(f"{(text_size + size) / 1e6:,.0f} MB")
+        raise ValueError(storage(text_size + size))
     text = _read(stream, text_size)
     data = _read(stream, size)
     try:

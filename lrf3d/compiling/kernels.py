@@ -32,7 +32,7 @@ from numba.core.untyped_passes import (
     WithLifting,
 )
 
-from lrf3d.base.errors import Lrf3dError
+from lrf3d.base.errors import Lrf3dError, storage
 from lrf3d.compiling.cache import KernelCache
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
@@ -54,8 +54,8 @@ def _check_memory() -> None:
     limit, _ = getrlimit(RLIMIT_AS)
     if limit != RLIM_INFINITY and limit < LEAST_ADDRESSES:
         raise Lrf3dError(
-            f"the limit of memory is {limit / 1e9:.1f} GB, and compiled code needs"
-            f" {LEAST_ADDRESSES / 1e9:.1f} GB; raise it: ulimit -v unlimited"
+            f"the limit of memory is {storage(limit)}, and compiled code needs"
+            f" {storage(LEAST_ADDRESSES)}; raise it: ulimit -v unlimited"
         )
 
 

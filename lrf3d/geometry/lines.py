@@ -41,6 +41,11 @@ LARGEST_TIME = 1e12
 # Share of a step or a length that is rounding: float64 errs by less, a user sees no more.
 ROUNDING = 1e-9
 
+# Probability of the intervals and ellipses that are shown, and median of the absolute values of
+# deviates of a normal distribution, in standard deviations.
+CONFIDENCE = 0.95
+NORMAL_MEDIAN = 0.6745
+
 # Sizes below this count as 0: products of smaller numbers would underflow in exact decisions.
 TINY = 1e-44
 

@@ -1,8 +1,10 @@
 """CloudSensors: the lidars and depth cameras of a robot, as a run stores them."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from lrf3d.base.errors import InputError, check_names, each_of
 from lrf3d.geometry.lines import Value
@@ -55,6 +57,10 @@ class CloudSensors(Value):
             tuple(each_of(other, DepthCamera, "depth camera")),
             as_noise(noise),
         )
+
+    def seeded(self, rng: np.random.Generator) -> "CloudSensors":
+        """The sensors, if there are any, with a seed for their noise."""
+        return replace(self, seed=int(rng.spawn(1)[0].integers(1 << 62))) if [*self] else self
 
     @property
     def sweep(self) -> float:

@@ -14,11 +14,14 @@ from lrf3d.world.free_cells import FreeCells
 # [m] Largest range at which a scan shows a cell to be free: beyond, beams are too far apart.
 SIGHT = 15.0
 
+# [m] Least side of a cell: a door is several cells wide.
+CELL = 0.1
+
 # [m] Distance before a return, in addition to a cell, that is not marked free: the noise.
-MARGIN = 0.1
+MARGIN = CELL
 
 # [m] Radius around each pose that is free, because the robot was there.
-DRIVEN = 0.2
+DRIVEN = 2.0 * CELL
 
 
 def distinct_poses(poses: Float) -> Int:
@@ -38,22 +41,21 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     """
     from PIL import Image, ImageDraw
 
-    least_cell = 0.1  # [m] Side of a cell: a door is several cells wide.
     if not len(scans):
-        return FreeCells(np.zeros((1, 1), dtype=np.bool_), least_cell)
+        return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
     places = np.array([scan.pose[:2] for scan in scans])
     most_cells = 4_000_000  # Largest number of cells of a grid; larger areas have larger cells.
     largest_cell = 0.5  # [m] Larger cells hide doors.
     # Of scans too far apart for such cells, those around the most central one are used.
-    reach = 0.5 * largest_cell * np.sqrt(most_cells) - SIGHT - least_cell
+    reach = 0.5 * largest_cell * np.sqrt(most_cells) - SIGHT - CELL
     off = np.abs(places - np.median(places, axis=0)).max(axis=1)
     if off.max() > reach:
         near = np.abs(places - places[np.argmin(off)]).max(axis=1) <= reach
         places = places[near]
         scans = [scans[k] for k in np.flatnonzero(near).tolist()]
-    low = places.min(axis=0) - SIGHT - least_cell
-    high = places.max(axis=0) + SIGHT + least_cell
-    size = max(least_cell, float(np.sqrt(np.prod(high - low) / most_cells)))
+    low = places.min(axis=0) - SIGHT - CELL
+    high = places.max(axis=0) + SIGHT + CELL
+    size = max(CELL, float(np.sqrt(np.prod(high - low) / most_cells)))
     # The corner of the first cell is a whole number of cells from the origin.
     low = np.floor(low / size) * size
     columns, rows = np.ceil((high - low) / size).astype(int)
@@ -75,6 +77,6 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     box = picture.getbbox()
     if box is None:
         # Poses so far apart that a cell is wider than what a scan shows.
-        return FreeCells(np.zeros((1, 1), dtype=np.bool_), least_cell)
+        return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
     x, y = (low + size * np.array(box[:2])).tolist()
     return FreeCells(np.array(picture.crop(box), dtype=np.bool_), size, (x, y, 0.0))

@@ -25,7 +25,13 @@ from lrf3d.geometry.lines import (
     sealed,
 )
 from lrf3d.geometry.pose import Pose, as_pose
-from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, layer_directions, turned
+from lrf3d.laser.range_finder import (
+    FARTHEST_MOUNT,
+    LARGEST_ANGLE,
+    LaserRangeFinder,
+    layer_directions,
+    turned,
+)
 
 # Default mount of a sensor: at this height above the robot's centre, facing ahead; x, y, z [m].
 RAISED = (0.0, 0.0, 0.5)
@@ -47,9 +53,7 @@ def mounted(values: Any, name: str) -> tuple[float, ...]:
         raise InputError(
             f"{name}: mount {shown(values)}: expected x, y, z [m], or x, y, z, yaw, pitch, roll"
         )
-    # Largest distance of a sensor from its robot's centre [m]; a larger one is in other units.
-    farthest = 100.0
-    limits = [farthest, farthest, LARGEST_COORDINATE, *[LARGEST_ANGLE] * 3]
+    limits = [FARTHEST_MOUNT, FARTHEST_MOUNT, LARGEST_COORDINATE, *[LARGEST_ANGLE] * 3]
     mount = tuple(
         number(value, f"{name}: mount", least=-most, most=most)
         for value, most in zip(found, limits, strict=False)

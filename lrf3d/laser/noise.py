@@ -120,7 +120,31 @@ def noises_of(noise: Any, lasers: Sequence[LaserRangeFinder]) -> tuple[Noise, ..
 
 
 @dataclass(frozen=True, slots=True)
-class ProportionalNoise:
+class Gaussian:
+    """Noise of a standard deviation [m] on each range; a beam without return stays without."""
+
+    sigma: float
+    batched: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        number(self.sigma, "sigma", "metres")
+
+    def _shares(self, scan: LaserScan | ScanBatch) -> float | Float:
+        """The factor of the noise of each range."""
+        return 1.0
+
+    def __call__(self, scan: Scan, rng: Rng) -> Scan:
+        """Return the scan with noise on each range, which is raised to at least 0."""
+        check_scan(scan)
+        if self.sigma == 0.0:
+            return scan
+        draws = generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
+        ranges = scan.ranges + self._shares(scan) * draws
+        return replace(scan, ranges=np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges))
+
+
+@dataclass(frozen=True, slots=True)
+class ProportionalNoise(Gaussian):
     """Gaussian noise that grows with the distance (Eq. 7): d + d/d_max · N(0, σ).
 
     σ is the standard deviation [m] at range_max. A noisy range below 0 is reported as 0. With σ = 0
@@ -139,52 +163,26 @@ class ProportionalNoise:
         [inf, 4.993, inf]
     """
 
-    sigma: float
-    batched: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        number(self.sigma, "sigma", "metres")
-
     @property
     def spread(self) -> tuple[float, float]:
         """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return 0.0, self.sigma
 
-    def __call__(self, scan: Scan, rng: Rng) -> Scan:
-        """Return the scan with noise on each range."""
-        check_scan(scan)
-        if self.sigma == 0.0:
-            return scan
-        draws = generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
-        shares = np.where(np.isfinite(scan.ranges), scan.ranges, 0.0) / known_range_max(scan)
-        return _measured(scan, scan.ranges + shares * draws)
+    def _shares(self, scan: LaserScan | ScanBatch) -> Float:
+        return np.where(np.isfinite(scan.ranges), scan.ranges, 0.0) / known_range_max(scan)
 
 
 @dataclass(frozen=True, slots=True)
-class ConstantNoise:
+class ConstantNoise(Gaussian):
     """Gaussian noise that is the same at every distance: d + N(0, σ), σ in metres.
 
     With ProportionalNoise in a chain the variances add up. A range below 0 is reported as 0.
     """
 
-    sigma: float
-    batched: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        number(self.sigma, "sigma", "metres")
-
     @property
     def spread(self) -> tuple[float, float]:
         """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return self.sigma, 0.0
-
-    def __call__(self, scan: Scan, rng: Rng) -> Scan:
-        """Return the scan with noise on each range; a beam without return stays without."""
-        check_scan(scan)
-        if self.sigma == 0.0:
-            return scan
-        draws = generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
-        return _measured(scan, scan.ranges + draws)
 
 
 def known_range_max(scan: LaserScan | ScanBatch) -> float:
@@ -192,11 +190,6 @@ def known_range_max(scan: LaserScan | ScanBatch) -> float:
     if not np.isfinite(scan.range_max):
         raise InputError("scan without range_max, by which its noise is scaled: give one")
     return scan.range_max
-
-
-def _measured(scan: Scan, ranges: Float) -> Scan:
-    """The scan with noisy ranges, raised to at least 0; infinities stay."""
-    return replace(scan, ranges=np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges))
 
 
 class Unscattered:

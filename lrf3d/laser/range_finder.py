@@ -34,6 +34,9 @@ CENTRE = Pose(0.0, 0.0, 0.0)
 # [rad] Largest angle of a beam: ten turns. Far beyond it float64 does not resolve beams.
 LARGEST_ANGLE = 63.0
 
+# Largest distance [m] of a laser from its robot's centre: a larger one is in other units.
+FARTHEST_MOUNT = 100.0
+
 
 @dataclass(frozen=True)
 class LaserRangeFinder(Value):
@@ -117,11 +120,9 @@ class LaserRangeFinder(Value):
             mount = as_pose(self.mount)
         except InputError as error:
             raise InputError(f"{self.name}: mount: {error}") from None
-        # How far a laser may be from its robot's centre [m]: farther, the mount is in other units.
-        farthest_mount = 100.0
-        if math.hypot(mount.x, mount.y) > farthest_mount or abs(mount.theta) > LARGEST_ANGLE:
+        if math.hypot(mount.x, mount.y) > FARTHEST_MOUNT or abs(mount.theta) > LARGEST_ANGLE:
             found = f"{self.name}: mount {tuple(mount)}"
-            raise InputError(f"{found}: expected x, y up to {farthest_mount:g} m and radians")
+            raise InputError(f"{found}: expected x, y up to {FARTHEST_MOUNT:g} m and radians")
         object.__setattr__(self, "mount", mount)
 
     def placed(self, poses: Float) -> Float:

@@ -16,6 +16,7 @@ from lrf3d.base.lazy import Pictured
 from lrf3d.geometry.lines import (
     LARGEST_COORDINATE,
     LARGEST_TIME,
+    ROUNDING,
     Bool,
     Float,
     Int,
@@ -307,7 +308,7 @@ def _covariance(values: Any) -> Float:
     """A matrix (3, 3), checked to be finite, symmetric, and semidefinite, but for rounding."""
     matrix: Float = read_only(values, "pose_covariance")
     if matrix.shape == (3, 3) and np.isfinite(matrix).all():
-        rounding = 1e-12 * np.abs(matrix).max()
+        rounding = ROUNDING * np.abs(matrix).max()
         even = np.abs(matrix - matrix.T).max() <= rounding
         if even and np.linalg.eigvalsh(matrix).min() >= -rounding:
             return matrix

@@ -28,11 +28,11 @@ class Thresholds(NamedTuple):
 class Mode(NamedTuple):
     """A mode of the mapper: how it is made, and the defaults that depend on the mode."""
 
+    # Returns an object with the `update`, `local_map` and `map` of a LineMapper.
     make: Callable[[Thresholds], Any]
-    """Returns an object with the `update`, `local_map` and `map` of a LineMapper."""
     merge_length: float
+    # Deviations of sigma that are added to the default merge_distance.
     noise: float
-    """Deviations of sigma that are added to the default merge_distance."""
     min_points: int
 
 
@@ -149,8 +149,8 @@ class LineMapper:
     def __repr__(self) -> str:
         return f"LineMapper({self._settings})"
 
+    # It takes the scans of several lasers together, so that no wall ends where a fan does.
     several = True
-    """It takes the scans of several lasers together, so that no wall ends where a fan does."""
 
     def update(self, scan: LaserScan | Sequence[LaserScan]) -> None:
         """Update the map with a scan, or with those of several lasers at one moment.

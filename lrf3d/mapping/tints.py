@@ -35,6 +35,20 @@ _RGB_FROM_LMS = np.array(
 )
 
 
+# The transfer curve of sRGB (IEC 61966-2-1): the slope of colours up to a limit on the screen, and
+# the offset and the power of brighter ones.
+_SLOPE = 12.92
+_LIMIT = 0.04045
+_OFFSET = 0.055
+_POWER = 2.4
+
+
+def linear_light(screen: Float) -> Float:
+    """Colours in linear light of those of a screen."""
+    bright = ((screen + _OFFSET) / (1.0 + _OFFSET)) ** _POWER
+    return np.where(screen <= _LIMIT, screen / _SLOPE, bright)
+
+
 def object_tints(objects: Int) -> Float:
     """Colours (n, 3) of the objects of a map on white, the same for the same number."""
     number = np.asarray(objects, dtype=np.float64)
@@ -44,9 +58,6 @@ def object_tints(objects: Int) -> Float:
     lightness = _TONES[number.astype(np.int64) % len(_TONES)]
     # In Oklch (Ottosson, 2020) all hues look equally bright.
     lab = np.column_stack([lightness, _CHROMA * np.cos(hue), _CHROMA * np.sin(hue)])
-    linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
-    # The transfer curve of sRGB (IEC 61966-2-1).
-    offset = 0.055
-    curved = (1.0 + offset) * linear ** (1.0 / 2.4) - offset
-    colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
-    return colours
+    linear: Float = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
+    bright = (1.0 + _OFFSET) * linear ** (1.0 / _POWER) - _OFFSET
+    return np.where(linear <= _LIMIT / _SLOPE, _SLOPE * linear, bright)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry.lines import Float, Records
+from lrf3d.geometry.lines import ROUNDING, Float, Records
 from lrf3d.matching.surface import placement
 
 # Log likelihoods of a hit in the cells (rows, columns) of a map. The border cells stand for all
@@ -81,7 +81,7 @@ def _step_up(
         trial[1] = here[1] + (n // 3 % 3 - 1) * step[1]
         trial[2] = here[2] + (n % 3 - 1) * step[2]
         score = mean_score(trial, hits, cells, side)
-        if score > best + 1e-9:
+        if score > best + ROUNDING:
             best = score
             at[:] = trial
     return best
@@ -92,12 +92,13 @@ def climbed(guesses: Float, hits: Records, cells: Likelihood, side: float) -> tu
     """Climb from guesses (k, 3) to the best poses (k, 3) nearby; returns these and scores (k,)."""
     poses = guesses.copy()
     reached = np.empty(len(poses))
-    levels = 6  # Steps of 0.16 m and 0.04 rad are halved to 5 mm and 1.25 mrad.
+    first = 0.16  # First step [m], with a quarter of it in rad; they are halved at each level.
+    levels = 6
     most_steps = 12
     for k in range(len(poses)):
         best = mean_score(poses[k], hits, cells, side)
         for level in range(levels):
-            step = np.array([0.16, 0.16, 0.04]) / 2.0**level
+            step = np.array([first, first, first / 4]) / 2.0**level
             for _ in range(most_steps):
                 before = best
                 best = _step_up(poses[k], best, step, hits, cells, side)

@@ -36,8 +36,8 @@ class Wheel(NamedTuple):
 
 def wheels_of(radius: float) -> tuple[Wheel, Wheel]:
     """The wheels of a robot with a radius [m]: inside its outline, with a quarter of its radius."""
-    left = 0.75 * radius
     size = 0.25 * radius
+    left = radius - size
     return Wheel("left_wheel", left, size), Wheel("right_wheel", -left, size)
 
 

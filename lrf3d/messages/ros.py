@@ -50,7 +50,7 @@ STATIC_FRAMES = "/tf_static"
 EXACT = 1e-6
 
 # Variance of height, roll and pitch, which a robot on the ground does not measure.
-UNKNOWN = 1e6
+UNKNOWN = 1.0 / EXACT
 
 # Width of the lines of the map [m]: to be seen from above a room.
 LINE_WIDTH = 0.1

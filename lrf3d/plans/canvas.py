@@ -12,6 +12,7 @@ import shapely
 
 from lrf3d.base.errors import WorldError
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int
+from lrf3d.world.model import INCH
 
 # Largest distance [m] of chords from their curve: about the width of a laser beam.
 CURVE_ERROR = 0.005
@@ -20,8 +21,7 @@ CURVE_ERROR = 0.005
 MOST_MARKS = 150_000
 MOST_POINTS = 2_000_000
 
-# An inch, and a typographic point [m].
-INCH = 0.0254
+# A typographic point [m].
 POINT = INCH / 72.0
 
 # Value of each colour channel of white.

@@ -17,6 +17,7 @@ from lrf3d.plans.rules.enclosure import LEAST_CLOSED, MODEL, closed_share, drawn
 from lrf3d.plans.rules.strokes import MAY_OPEN, Strokes
 from lrf3d.world.grid_walls import extent_of
 from lrf3d.world.model import SHEET
+from lrf3d.world.model import UNITS as LENGTHS
 
 # Least and largest extent of a building [m]: a hut, and an airport.
 EXTENT = (3.0, 400.0)
@@ -30,14 +31,8 @@ USUAL_SIDE = 7.0
 # Width [m] that at least one room of a building has.
 NARROWEST = 0.8
 
-# Units of drawings [m].
-UNITS = {
-    "metres": 1.0,
-    "centimetres": 0.01,
-    "millimetres": 0.001,
-    "inches": 0.0254,
-    "feet": 0.3048,
-}
+# Units of drawings [m]; no building is drawn in kilometres.
+UNITS = {"metres": 1.0, **{name: size for size, name in LENGTHS.items() if size < 1.0}}
 
 # Usual scales of sheets: 1 to each of these.
 SHEETS = (20, 25, 50, 75, 100, 125, 150, 200, 250, 500, 1000)

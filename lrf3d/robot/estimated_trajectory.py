@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.base.errors import InputError
-from lrf3d.geometry.lines import Float, Int, Value, sealed
+from lrf3d.geometry.lines import CONFIDENCE, Float, Int, Value, sealed
 from lrf3d.geometry.pose import as_poses
 
-# Half axes of the ellipse that holds a position with 95 % probability, in standard deviations: χ²
+# Half axes of the ellipse that holds a position with this probability, in standard deviations: χ²
 # of two degrees of freedom is −2 ln(1 − p).
-CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
+HALF_AXES = float(np.sqrt(-2.0 * np.log(1.0 - CONFIDENCE)))
 
 NO_PAIRS = sealed(np.empty((0, 2), np.int64))
 NO_POSES = sealed(np.empty((0, 3)))
@@ -97,7 +97,7 @@ class EstimatedTrajectory(Value):
         matrices = self.covariances[:, :2, :2]
         values, vectors = np.linalg.eigh(0.5 * (matrices + matrices.transpose(0, 2, 1)))
         # Rounding may have made a value slightly negative.
-        roots = CONFIDENCE * np.sqrt(np.maximum(values, 0.0))
+        roots = HALF_AXES * np.sqrt(np.maximum(values, 0.0))
         return np.asarray(np.einsum("mij,mj,mkj->mik", vectors, roots, vectors))
 
     def errors(self, poses: ArrayLike) -> Float:

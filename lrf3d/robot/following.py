@@ -13,7 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.base.errors import InputError
-from lrf3d.geometry.lines import Float, Value, as_rows, number, whole_number, wrap_angle
+from lrf3d.geometry.lines import (
+    ROUNDING,
+    TINY,
+    Float,
+    Value,
+    as_rows,
+    number,
+    whole_number,
+    wrap_angle,
+)
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.robot.kinematics import Unicycle, sinc
 from lrf3d.robot.trajectory import Trajectory
@@ -208,7 +217,7 @@ def _command(
     curvature = 2.0 * np.sin(bearing) / distance
     # The arc to the goal has this length; near the end it is driven in one last step.
     arc = distance / sinc(bearing / np.pi)
-    v = min(speed, arc / step, MAX_TURN_RATE / max(abs(curvature), 1e-300))
+    v = min(speed, arc / step, MAX_TURN_RATE / max(abs(curvature), TINY))
     return float(v), float(v * curvature)
 
 
@@ -254,7 +263,7 @@ def _evenly_spaced(lap: Trajectory) -> Trajectory:
         return lap
     interval = lap.times[1] - lap.times[0]
     even = lap.times[-2] + interval
-    if lap.times[-1] > even - 1e-6 * interval:
+    if lap.times[-1] > even - ROUNDING * interval:
         return lap
     return Trajectory(np.append(lap.times[:-1], even), lap.poses)
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.base.errors import InputError, shown
-from lrf3d.geometry.lines import ROUNDING, Float, is_finite, number, numbers
+from lrf3d.geometry.lines import ROUNDING, TINY, Float, is_finite, number, numbers
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.robot.trajectory import Trajectory
 
@@ -204,7 +204,7 @@ def moved(twist: Twist, pose: Sequence[float], seconds: float) -> Pose:
 
 def sinc(x: float) -> float:
     """The same number as `np.sinc`, which takes ten times as long for one."""
-    angle = np.pi * (x or 1e-20)
+    angle = np.pi * (x or TINY)
     return float(np.sin(angle)) / angle
 
 
@@ -280,7 +280,7 @@ def drive(
         pose,
         method="RK45",
         t_eval=_sample_times(seconds, dt),
-        rtol=max(tolerance, 1e-13),  # SciPy warns about less, as float64 cannot reach it.
+        rtol=max(tolerance, 100 * np.finfo(np.float64).eps),  # SciPy warns about less.
         atol=tolerance,
         max_step=dt,
     )
@@ -306,7 +306,7 @@ def _sample_times(duration: float, dt: float) -> Float:
             " larger dt"
         )
     # Rounding must neither lose the last sample nor add one just before the end.
-    times = np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1) * dt
+    times = np.arange(int(np.floor(duration / dt * (1.0 + ROUNDING))) + 1) * dt
     return np.append(times if duration - times[-1] > ROUNDING * dt else times[:-1], duration)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.base.errors import InputError, expect, shown
-from lrf3d.geometry.lines import ROUNDING, Float, Value, as_rows, is_finite, number
+from lrf3d.geometry.lines import NORMAL_MEDIAN, ROUNDING, Float, Value, as_rows, is_finite, number
 from lrf3d.geometry.pose import between, compose
 
 # What the vertical accelerometer of a robot at rest measures [m/s²].
@@ -272,8 +272,8 @@ class ImuRecord(Value):
             return 0.0, 0.0
         columns = self.turn_rates[:, None], self.accelerations
         spreads = [float(np.median(np.abs(np.diff(each, n=2, axis=0)))) for each in columns]
-        # Median of the absolute values of a normal distribution; variance of a second difference.
-        of_gyro, of_accelerometers = ((spread / 0.6745) ** 2 / 6.0 for spread in spreads)
+        # A second difference has six times the variance.
+        of_gyro, of_accelerometers = ((spread / NORMAL_MEDIAN) ** 2 / 6.0 for spread in spreads)
         return of_gyro, of_accelerometers
 
     @classmethod

@@ -10,7 +10,7 @@ from time import monotonic
 from typing import Any
 
 from lrf3d.base.errors import InputError, MissingLibraryError, expect
-from lrf3d.base.interrupts import asked, check
+from lrf3d.base.interrupts import MOMENT, asked, check
 from lrf3d.ros.stream import CLOCK, DrivenRobot, Encoded, Settings, Stream
 from lrf3d.simulation.scenario import Scenario
 
@@ -109,7 +109,7 @@ class Node:
             if any(each.count_publishers(CLOCK.name) for each in self._nodes):
                 raise SecondClockError(SECOND_CLOCK)
             # A spin may return at once.
-            self.spin(0.05)
+            self.spin(MOMENT)
         for topic in stream.topics:
             # Reliable publishers serve subscribers of either kind.
             quality = QoSProfile(depth=topic.depth)
@@ -162,7 +162,7 @@ class Node:
         for executor in self._executors:
             executor.spin_once(timeout_sec=0.0)
         while (left := end - monotonic()) > 0.0 and not asked():
-            self._executors[0].spin_once(timeout_sec=min(left, 0.1))
+            self._executors[0].spin_once(timeout_sec=min(left, MOMENT))
         if monotonic() > self._checked + CHECKED_EVERY:
             self._checked = monotonic()
             self._check_others()

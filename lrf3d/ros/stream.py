@@ -45,9 +45,6 @@ FINEST_CELL = 0.1
 # How far a tick may be behind [s] before the time that is lost counts as a standstill.
 LATE = 0.25
 
-# How long clients are served at a time [s] while the simulated time is paused.
-IDLE = 0.01
-
 # Wall time from one check of the pace to the next [s].
 PACE_CHECKED_EVERY = 2.0
 
@@ -387,7 +384,7 @@ class Stream:
         while not asked():
             if not self.paused:
                 publish(self.encoded(self.tick()))
-            due = due + (IDLE if self.paused else tick)
+            due = due + (LONGEST_TICK if self.paused else tick)
             now = monotonic()
             if now > due + LATE:
                 lost = lost + now - due

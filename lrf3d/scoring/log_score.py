@@ -12,6 +12,7 @@ from lrf3d.laser import LaserScan, beam_directions, reflection_points
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
 from lrf3d.scoring.map_score import Report
+from lrf3d.scoring.matching import REACH
 from lrf3d.world import World
 
 
@@ -52,18 +53,17 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     # sparse.
     nearest_return = 0.1
     farthest_return = 20.0
-    explained_within = 0.1  # Distance [m] within which a map segment explains a return.
     for scan in map(unrolled, each_of(scans, LaserScan, "scan")):
         judged = (scan.ranges > nearest_return) & (scan.ranges < farthest_return)
         places = reflection_points(scan.pose, scan.angles[judged], scan.ranges[judged])
-        near, _ = tree.query(shapely.points(places), "dwithin", explained_within)
+        near, _ = tree.query(shapely.points(places), "dwithin", REACH)
         explained.append(len(np.unique(near)))
         beyond.append(scan.ranges[judged] - _map_ranges(caster, scan)[judged])
     errors = np.concatenate(beyond)
     returns = len(errors)
     met = np.isfinite(errors)
     # Distance [m] between map and return above which a beam violates the map.
-    violated_beyond = 0.2
+    violated_beyond = 2.0 * REACH
     return LogScore(
         explained=sum(explained) / returns if returns else np.nan,
         violation=float((errors > violated_beyond).sum()) / returns if returns else np.nan,

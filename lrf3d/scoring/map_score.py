@@ -25,19 +25,22 @@ from lrf3d.geometry.lines import (
 from lrf3d.laser import beam_directions
 from lrf3d.mapping import LineMap
 from lrf3d.planning.rooms import shown_share
-from lrf3d.scoring.matching import match_segments, sample_counts, sample_offsets
+from lrf3d.scoring.matching import (
+    LEAST_VISIBLE,
+    REACH,
+    match_segments,
+    sample_counts,
+    sample_offsets,
+)
 from lrf3d.simulation.run import Run
-from lrf3d.world.pieces import joined_objects
-
-# Length [m] above which the visible part of a wall counts.
-LEAST_VISIBLE = 0.5
+from lrf3d.world.pieces import TOUCHING, joined_objects
 
 # Largest number of scans from which visible walls are computed: a random sample of a long run shows
 # as much of the walls, and the time does not grow with the run.
 MOST_JUDGED = 2000
 
 # Largest distance of a right sample from a wall [m], and angle between their segments [rad].
-_NEAR = {"reach": 0.1, "angle": float(np.deg2rad(5))}
+_NEAR = {"reach": REACH, "angle": float(np.deg2rad(5))}
 
 
 class Report:
@@ -77,7 +80,6 @@ def _outermost(run: Run) -> tuple[Float, Float]:
     size = lengths(segments)
     low = np.full(len(segments), np.inf)
     high = np.full(len(segments), -np.inf)
-    farthest_off = 1e-3  # Farthest off its wall [m] that the place of a direct return may be.
     for scan in run.true_scans:
         returned = (scan.walls >= 0) & scan.hits
         wall = scan.walls[returned]
@@ -86,8 +88,8 @@ def _outermost(run: Run) -> tuple[Float, Float]:
         offset = np.array(scan.pose[:2]) - segments[wall, :2] + scan.ranges[returned, None] * ahead
         # What came by way of a mirror shows an image of the wall, elsewhere.
         station = (offset * along[wall]).sum(axis=1)
-        direct = np.abs(cross(along[wall], offset)) < farthest_off
-        direct &= (station > -farthest_off) & (station < size[wall] + farthest_off)
+        direct = np.abs(cross(along[wall], offset)) < TOUCHING
+        direct &= (station > -TOUCHING) & (station < size[wall] + TOUCHING)
         wall = wall[direct]
         station = station[direct]
         np.minimum.at(low, wall, station)

@@ -9,6 +9,12 @@ import numpy as np
 
 from lrf3d.geometry.lines import Float, Int, as_rows, cross, directions, lengths
 
+# Length [m] above which the visible part of a wall counts.
+LEAST_VISIBLE = 0.5
+
+# Largest distance [m] of a right sample, or of an explained return, from a wall.
+REACH = 0.1
+
 
 def match_segments(segments: Float, walls: Float) -> Int:
     """Pair map segments (m, 4) with true segments (v, 4), each with at most one of the other.
@@ -71,8 +77,8 @@ def sample_counts(segments: Float) -> Int:
 
     These are no longer than the spacing, give or take what rounding adds to a length.
     """
-    # Distance of samples along a segment [m]: a tenth of the shortest wall that counts.
-    sample_spacing = 0.05
+    # Distance of samples along a segment [m].
+    sample_spacing = LEAST_VISIBLE / 10
     # Share of a piece that rounding may add to a length, even 10⁶ m from the origin.
     length_rounding = 1e-6
     return np.ceil(lengths(segments) / sample_spacing - length_rounding).astype(np.int64)

@@ -8,6 +8,7 @@ pose to the next, as evo defines them (Sturm et al. 2012).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log10
 from typing import Any
 
 import numpy as np
@@ -187,7 +188,7 @@ def _other_clock(truth: Trajectory, estimate: Trajectory) -> str:
         3: "; expected seconds, they look like milliseconds",
         0: f"; shifted by {-late:.6f} s they would",
     }
-    return next((text for n, text in said.items() if 0.3 < theirs / ours / 10**n < 3.0), "")
+    return said.get(round(log10(theirs / ours)), "") if theirs else ""
 
 
 def rigid_alignment(points: Float, onto: Float) -> Pose:

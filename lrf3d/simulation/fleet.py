@@ -24,7 +24,7 @@ from lrf3d.casting.collision import (
 )
 from lrf3d.casting.crowd import Crowd, move_of
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.geometry.lines import Float, Int, generator, lengths
+from lrf3d.geometry.lines import ROUNDING, Float, Int, generator, lengths
 from lrf3d.geometry.pose import Pose, as_pose, as_poses
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.robot import Trajectory
@@ -46,9 +46,6 @@ MOST_SPOTS = 2000
 
 # Number of scans for which giving way is planned at a time: memory grows with its square.
 WINDOW = 1000
-
-# Time [s] within which two robots touch each other at once: more than rounding.
-TOGETHER = 1e-12
 
 
 @stoppable()
@@ -333,7 +330,8 @@ class _Touches:
             hits = {robot: hit for robot in self._robots if (hit := self._hit(robot, time))}
             self._now = min((hit.time for hit in hits.values()), default=time)
             for robot, hit in hits.items():
-                if hit.time > self._now + TOGETHER:
+                # Two robots touch each other at once.
+                if hit.time > self._now + ROUNDING:
                     continue
                 if not self._stops:
                     raise CollisionError(f"robot {robot}: {hit}; its controller drove it there")

@@ -74,9 +74,7 @@ class LiveRobot(Driven):
         ]
         still = [replace(lidar, scan_duration=0.0) for lidar in scenario.lidars]
         sensors = CloudSensors.of(still, scenario.depth_cameras, scenario.noise)
-        if [*sensors]:
-            sensors = replace(sensors, seed=int(self._rng.spawn(1)[0].integers(1 << 62)))
-        self._clouds = Clouds(scenario.world, sensors, self._crowd)
+        self._clouds = Clouds(scenario.world, sensors.seeded(self._rng), self._crowd)
         self._attitude = scenario.attitude
         self._restart_motion()
 

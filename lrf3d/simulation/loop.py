@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -238,11 +238,8 @@ class Simulation:
         wheels, inertial = motion_streams(self.rng, odometry, imu)
         self._odometer = None if odometry is None else Odometer(odometry, wheels)
         self._imu = None if imu is None else InertialUnit(imu, inertial)
-        if [*cloud_sensors]:
-            seed = int(self.rng.spawn(1)[0].integers(1 << 62))
-            cloud_sensors = replace(cloud_sensors, seed=seed)
-            check_duration(cloud_sensors.sweep, self.drive)
-        self.clouds = Clouds(world, cloud_sensors, crowd)
+        check_duration(cloud_sensors.sweep, self.drive)
+        self.clouds = Clouds(world, cloud_sensors.seeded(self.rng), crowd)
         self.check_mounts(on_collision)
         self.attitude = attitude
         self._tilting = Tilting(attitude)

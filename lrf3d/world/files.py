@@ -21,7 +21,7 @@ from lrf3d.base.formats import (
 )
 from lrf3d.base.interrupts import reading
 from lrf3d.base.isolation import read_file
-from lrf3d.world.model import World, check_scale
+from lrf3d.world.model import LARGEST_CELL, World, check_scale
 from lrf3d.world.schema import at
 from lrf3d.world.toml_file import WorldFile
 
@@ -190,7 +190,9 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     if ending not in writers:
         raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(writers)}")
     options = {} if resolution is None else {"resolution": resolution}
-    if options and not (ending == ".yaml" and 1e-4 <= options["resolution"] <= 1e4):
+    if options and not (
+        ending == ".yaml" and 1.0 / LARGEST_CELL <= options["resolution"] <= LARGEST_CELL
+    ):
         expected = "expected 0.0001 to 10000 m, for a ROS map (.yaml)"
         raise OutputError(f"{path}: resolution {resolution:g}: {expected}")
     function(writers[ending])(world, path, **options)

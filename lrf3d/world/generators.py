@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import ROUNDING, Float
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import Part, walls, world_of_parts
+from lrf3d.world.pieces import TOUCHING, Part, walls, world_of_parts
 
 # Thickness of walls [m].
 THICKNESS = 0.2
@@ -80,9 +80,9 @@ class FloorPlan:
         low = ends.min(axis=1) - 0.5 * THICKNESS
         high = ends.max(axis=1) + 0.5 * THICKNESS
         # A grid of a millimetre keeps walls that should meet from missing each other by rounding.
-        union = shapely.union_all(shapely.box(*low.T, *high.T), grid_size=0.001)
+        union = shapely.union_all(shapely.box(*low.T, *high.T), grid_size=TOUCHING)
         parts = list[Part]()
-        for part in shapely.get_parts([shapely.simplify(union, 1e-6)]):
+        for part in shapely.get_parts([shapely.simplify(union, ROUNDING)]):
             rings = [np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
             outline = np.concatenate([walls(np.round(ring, 3), closed=True) for ring in rings])
             called = f"walls {len(parts)}" if parts else "walls"
@@ -168,7 +168,8 @@ def _furnish(plan: FloorPlan, rng: np.random.Generator, room: Box, faces: float)
     """A desk by the outer wall of a room, and often a shelf along a side."""
     left, bottom, right, top = room
     desk = np.array([min(1.8, right - left - 2.0), 0.8])
-    x = float(rng.uniform(left + 0.4, right - 0.4 - desk[0]))
+    clear = 0.4  # Least distance of a desk from the sides of its room [m].
+    x = float(rng.uniform(left + clear, right - clear - desk[0]))
     y = _beside(bottom, top, 0.3, desk[1], faces > 0.0)
     wood = (0.66, 0.50, 0.36)  # The colour of furniture.
     plan.box("desk", np.array([x, y]), desk, 0.75, wood)
@@ -249,7 +250,8 @@ def generate_city(walls: int, *, seed: int = 0) -> World:
     # The narrowest street is 3 m wide.
     middles = BLOCK_SIDE * np.column_stack([column, row]) + rng.uniform(-2.0, 2.0, (count, 2))
     halves = rng.uniform(4.0, 7.0, (count, 1, 2)) * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
-    turn = rng.uniform(-0.3, 0.3, count)
+    most_turned = 0.3  # Largest angle of a building to the streets [rad].
+    turn = rng.uniform(-most_turned, most_turned, count)
     cos = np.cos(turn)[:, None]
     sin = np.sin(turn)[:, None]
     x, y = np.moveaxis(halves, -1, 0)

@@ -17,7 +17,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lrf3d.base.errors import WorldError
-from lrf3d.geometry.lines import Bool, Float, Int, lengths
+from lrf3d.geometry.lines import ROUNDING, Bool, Float, Int, lengths
 from lrf3d.world.pieces import from_corner
 
 Complex = NDArray[np.complex128]
@@ -270,4 +270,4 @@ def _fitted(points: Float, first: Int, last: Int) -> Float:
     step = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
     step[np.hypot(step[:, 0], step[:, 1]) > 1.0] = 0.0
     segments = np.hstack([*(joints + step)[joint].reshape(2, -1, 2)])
-    return segments[lengths(segments) > 1e-6]
+    return segments[lengths(segments) > ROUNDING]

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from lrf3d.base.errors import WorldError, check_names, shown
-from lrf3d.geometry.lines import number
+from lrf3d.geometry.lines import ROUNDING, number
 from lrf3d.world.schema import at, check_unique, made
 
 
@@ -57,7 +57,7 @@ class Material:
         with at(called):
             for key, most in LIMITS.items():
                 object.__setattr__(self, key, number(getattr(self, key), key, most=most))
-        if self.diffuse + self.specular + self.transmission > 1.0 + 1e-12:
+        if self.diffuse + self.specular + self.transmission > 1.0 + ROUNDING:
             raise WorldError(f"{called}: diffuse, specular and transmission are over 1 together")
         if self.index and (self.index < 1.0 or self.specular or self.transmission):
             expected = "1 or more, and neither specular nor transmission, which follow from it"
@@ -89,9 +89,9 @@ class Material:
         return {key: value for key, value in asdict(self).items() if value}
 
 
+# Largest value of each field but the name.
 LIMITS = dict.fromkeys(("diffuse", "specular", "lobe_deg", "transmission"), 1.0)
 LIMITS |= {"lobe_deg": 90, "index": 10, "retro": 10**6}
-"""Largest value of each field but the name."""
 
 # The materials that every world knows, by name: round numbers, typical of new and dry surfaces.
 BUILT_IN = {

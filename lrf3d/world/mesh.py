@@ -23,7 +23,7 @@ from lrf3d.base.errors import WorldError, shown
 from lrf3d.base.files import own_name, replacing
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int, number, quad_indices
 from lrf3d.world.materials import material_of, material_value
-from lrf3d.world.model import UNITS, World
+from lrf3d.world.model import DEFAULT_HEIGHT, UNITS, World
 from lrf3d.world.pieces import Part, connected, from_corner, walls, without_repeats, world_of_parts
 
 if TYPE_CHECKING:
@@ -44,6 +44,9 @@ FLOOR = 0.3
 STEPS = 4
 UPRIGHT_WITHIN = 0.01
 
+# Shares of a length at a quarter from either end.
+QUARTERS = (0.25, 0.75)
+
 
 def read_mesh(path: Path, cut: float | None = None, scale: float = 1.0) -> World:
     """Read the cut of a mesh, enlarged by a scale, at a height [m] above its floor as walls.
@@ -63,13 +66,12 @@ def read_mesh(path: Path, cut: float | None = None, scale: float = 1.0) -> World
 LEVELS = ("triangle above the cut", "triangle below the cut", "triangle within the cut")
 
 
-# Least and largest height [m] of most walls of buildings, and of towns, and that of a storey.
+# Least and largest height [m] of most walls of buildings, and of towns.
 HEIGHTS = (0.3, 60.0)
-STOREY = 2.7
 
-# A mesh is doubted to lie on its side that is higher [m] than this, and than this multiple of its
-# width.
-HIGH = 5.0
+# A mesh is doubted to lie on its side that is higher [m] than two storeys, and than this multiple
+# of its width.
+HIGH = 2.0 * DEFAULT_HEIGHT
 SLENDER = 2.0
 
 
@@ -79,7 +81,7 @@ def _size_doubt(world: World, scale: float) -> str:
     wide, high = np.ptp(world.bounds, axis=0)
     if HEIGHTS[0] <= height <= HEIGHTS[1]:
         return ""
-    unit = min(UNITS, key=lambda each: abs(np.log(each * height / STOREY)))
+    unit = min(UNITS, key=lambda each: abs(np.log(each * height / DEFAULT_HEIGHT)))
     found = f"walls {height:,.4g} m high, {wide:,.6g} m by {high:,.6g} m?"
     size = f"{unit * wide:.3g} m by {unit * high:.3g} m, {unit * height:.2g} m high"
     return f"{found} --scale {unit * scale:g} if it is in {UNITS[unit]} ({size})"
@@ -113,7 +115,7 @@ def cut_of_mesh(
         balance.leave(reason, int(mask.sum()))
     balance.used = len(np.unique(face))
     # Collinear to the resolution of float32.
-    tolerance = 1e-6 * max(float(np.ptp(segments.reshape(-1, 2), axis=0).max()), 1e-3)
+    tolerance = 1e-6 * float(np.ptp(segments.reshape(-1, 2), axis=0).max())
     # Walls of one line and unequal heights stay apart.
     top = tops_of(triangles, segments, face, floor + above) - floor
     kinds = np.column_stack([part_of[face], np.round(top / tolerance)])
@@ -166,7 +168,7 @@ def _other_cut(triangles: Float, floor: float) -> str:
     """Advice: a height at which the cut meets walls, or the heights between which the mesh lies."""
     low = float(triangles[..., 2].min())
     high = float(triangles[..., 2].max())
-    for share in (0.5, 0.25, 0.75):
+    for share in (0.5, *QUARTERS):
         height = round(low + share * (high - low) - floor, 3)
         if len(level_cut(triangles, floor + height)[0]):
             return f"the mesh reaches from {low:g} to {high:g} m; --cut {height:g} meets walls"
@@ -279,7 +281,7 @@ def tops_of(triangles: Float, segments: Float, faces: Int, cut: float) -> Float:
     """
     tops: Float = triangles[faces, :, 2].max(axis=1)
     begin, end = np.hsplit(segments, 2)
-    quarters = [shapely.points(begin + share * (end - begin)) for share in (0.25, 0.75)]
+    quarters = [shapely.points(begin + share * (end - begin)) for share in QUARTERS]
     rising = np.arange(len(tops))
     for level in np.linspace(cut, triangles[..., 2].max(), STEPS, endpoint=False) + UPRIGHT_WITHIN:
         lower = rising[tops[rising] < level]

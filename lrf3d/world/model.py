@@ -31,6 +31,12 @@ from lrf3d.world.schema import MOST_OBJECTS, check_unique
 # Height of a wall [m] if none is given: a room's storey.
 DEFAULT_HEIGHT = 2.5
 
+# Width of a door [m] if none is given.
+DOOR = 0.9
+
+# Largest side of a cell of a map [m].
+LARGEST_CELL = 1e4
+
 # Side [m] of a world below which there is no room for a robot.
 LEAST = 0.5
 
@@ -41,12 +47,11 @@ SHEET = 2.0
 # town. Below 7.5, centimetres would be taken for inches; the message names the resulting size.
 TYPICAL = 12.0
 
-# Metres in an inch, and in a foot.
-INCH = 0.0254
-FOOT = 0.3048
-
-# Units in which plans and meshes are made, by their size [m].
-UNITS = {0.001: "millimetres", 0.01: "centimetres", INCH: "inches", FOOT: "feet", 1000.0: "km"}
+# Units other than metres in which plans and meshes are made, by their size [m].
+METRES = {"mm": 0.001, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "km": 1000.0}
+UNITS = dict(zip(METRES.values(), "millimetres centimetres inches feet km".split(), strict=True))
+INCH = METRES["in"]
+FOOT = METRES["ft"]
 
 # Largest factor by which a plan is enlarged.
 LARGEST_SCALE = 1e6

@@ -26,7 +26,7 @@ from lrf3d.geometry.lines import Bool, Float, Int, Single, number
 from lrf3d.geometry.pose import Pose
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
-from lrf3d.world.model import World
+from lrf3d.world.model import LARGEST_CELL, World
 from lrf3d.world.pieces import connected
 from lrf3d.world.pixels import pixels_of
 from lrf3d.world.schema import Converter, accepting, row, text
@@ -69,7 +69,7 @@ LEAST_SHARE = 0.05
 # The keys of a description that are read, and the converters of their values.
 KEYS: Mapping[str, Converter] = {
     "image": text(),
-    "resolution": partial(number, positive=True, most=1e4),
+    "resolution": partial(number, positive=True, most=LARGEST_CELL),
     "origin": row("x", "y", "yaw"),
     **dict.fromkeys(("occupied_thresh", "free_thresh"), partial(number, most=1.0)),
     "negate": accepting("0 or 1", lambda value: value in (0, 1), int),
@@ -349,6 +349,6 @@ def _walled_cells(segments: Float) -> tuple[Int, Int]:
     major = start[wall] + np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
     x1, y1, x2, y2 = turned[wall].T
     # A wall shorter than a cell may pass through no centre of a column.
-    share = np.where(x2 - x1 < 1.0, 0.5, (major + 0.5 - x1) / np.maximum(x2 - x1, 1e-12))
+    share = np.where(x2 - x1 < 1.0, 0.5, (major + 0.5 - x1) / np.maximum(x2 - x1, 1.0))
     minor = np.floor(y1 + share * (y2 - y1)).astype(np.int64)
     return np.where(steep[wall], major, minor), np.where(steep[wall], minor, major)

@@ -103,7 +103,7 @@ def _doubt_degrees(angles: Any, what: str) -> None:
     # An angle such as 0.785, a multiple of 15° in radians, is unlikely to be meant in degrees.
     step = np.pi / 12
     steps = np.round(angles / step)
-    radians = (np.abs(angles - steps * step) < 1e-3) & (steps != 0) & (np.abs(angles) < 7.0)
+    radians = (np.abs(angles - steps * step) < 1e-3) & (steps != 0) & (np.abs(steps) <= 24)
     for angle in angles[radians][:1]:
         found = f"{what} {angle:g} is read as degrees"
         warnings.warn(f"{found}; for radians write {np.degrees(angle):.4g}", Lrf3dWarning, 2)

@@ -58,20 +58,6 @@ class WorldFile:
         return schema.at(f"{self.path}: {key}")
 
 
-def keys_of_file(settings: Mapping[str, schema.Converter]) -> dict[str, schema.Converter]:
-    """The keys and the tables of a world file, in the order in which they are checked."""
-    return {
-        "name": schema.text(),
-        "place": _place,
-        "object": schema.tables(schema.table(schema.OBJECT)),
-        **settings,
-        "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
-        "camera": schema.tables(schema.made(FixedCamera)),
-        "material": schema.tables(schema.made(Material)),
-        "free": lambda found, key: FreeCells.from_dict(found, key),
-    }
-
-
 def _place(found: Any, key: str) -> tuple[float, ...]:
     """A longitude and latitude [°]."""
     return tuple(schema.row("longitude", "latitude")(found, key).tolist())
@@ -79,9 +65,19 @@ def _place(found: Any, key: str) -> tuple[float, ...]:
 
 def read_world_file(path: Path, settings: Mapping[str, schema.Converter]) -> WorldFile:
     """Read a world file, with the converters of its settings; errors name the file and the key."""
+    # In the order in which they are checked.
+    keys: dict[str, schema.Converter] = {
+        "name": schema.text(),
+        "place": _place,
+        "object": schema.tables(schema.table(schema.OBJECT)),
+        **settings,
+        "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
+        "camera": schema.tables(schema.made(FixedCamera)),
+        "material": schema.tables(schema.made(Material)),
+        "free": FreeCells.from_dict,
+    }
     with reading(), schema.at(str(path)):
         data = toml_values(path)
-        keys = keys_of_file(settings)
         check_names(str(path), data, keys)
         values = {key: keys[key](data[key], key) for key in keys if key in data}
         obstacles = values.get("obstacle", [])

@@ -52,6 +52,7 @@ def test_no_room_for_the_locks_of_processes_is_one_line(monkeypatch):
         lrf3d.sweep("paper_room", seeds=2, workers=2)
 
 
+# What writes: each to a folder, an older or a newer result.
 WRITERS = {
     "text": lambda folder, which: write_text(folder / "a.txt", "new" if which else "old"),
     "toml": world_to("world.toml"),
@@ -64,7 +65,6 @@ WRITERS = {
     "mcap": run_to("mcap", "run.mcap"),
     "bag": run_to("rosbag2", "bag"),
 }
-"""What writes: each to a folder, an older or a newer result."""
 
 
 @contextmanager

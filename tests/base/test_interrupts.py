@@ -177,8 +177,8 @@ def test_too_little_memory_for_compiled_code_is_one_line(tmp_path):
     done = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (
         1,
-        "lrf3d: the limit of memory is 0.6 GB, and compiled code needs 1.2 GB; raise it: ulimit -v"
-        " unlimited\n",
+        "lrf3d: the limit of memory is 614.4 MB, and compiled code needs 1.2 GB; raise it:"
+        " ulimit -v unlimited\n",
     )
 
 

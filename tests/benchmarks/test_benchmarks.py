@@ -40,8 +40,8 @@ def data_sheets_by_reflectance(report):
     assert len(report["cost of glass"]) == 2 and report["glass"][0]["images"] == 0
 
 
+# What the figures of a part in its short form must be.
 FIGURES = {"ranges": exact_ranges, "drive": exact_arcs, "light": data_sheets_by_reflectance}
-"""What the figures of a part in its short form must be."""
 
 
 @pytest.mark.parametrize(

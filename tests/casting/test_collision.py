@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from drives import NoMap
+from drives import Holds, NoMap
 
 from lrf3d import (
     CollisionError,
@@ -25,14 +25,6 @@ from lrf3d.robot.kinematics import hold
 
 BOX = [(-0.3, -0.2), (0.3, -0.2), (0.3, 0.2), (-0.3, 0.2)]
 WALL = World([[2.0, -5.0, 2.0, 5.0]])
-
-
-class Ahead:
-    def __init__(self, v=1.0, omega=0.0):
-        self.twist = v, omega
-
-    def command(self, time, pose, scan):
-        return self.twist
 
 
 def held(walls, body, pose, twist, seconds=1.0, obstacles=()):
@@ -169,7 +161,7 @@ def test_moving_obstacles_touch_robots_that_rest_drive_or_turn():
 def test_a_controller_rests_where_it_touches_something_or_it_is_an_error():
     def drive(obstacles=(), controller=None, **body):
         return Simulation(
-            WALL, controller or Ahead(), LaserRangeFinder(beams=3), mapper=NoMap(),
+            WALL, controller or Holds(1.0, 0.0), LaserRangeFinder(beams=3), mapper=NoMap(),
             obstacles=obstacles, scan_interval=0.5, scans=8, **body,
         )  # fmt: skip
 
@@ -224,7 +216,7 @@ def test_an_outline_that_is_no_body_is_refused(outline, message):
         with pytest.raises(InputError, match=message):
             make()
     with pytest.raises(InputError, match="on_collision"):
-        Simulation(WALL, Ahead(), on_collision="bounce")
+        Simulation(WALL, Holds(1.0, 0.0), on_collision="bounce")
 
 
 def test_an_outline_in_a_world_file_is_the_body_or_an_error_that_names_the_file(tmp_path):
@@ -246,7 +238,7 @@ def fleet(drives, starts=None, **settings):
 
 
 def test_controllers_of_a_fleet_see_and_touch_each_other_where_they_meet():
-    starts, drives = [(0.0, 0, 0), (4.0, 0, np.pi)], [Ahead(1.0), Ahead(0.5)]
+    starts, drives = [(0.0, 0, 0), (4.0, 0, np.pi)], [Holds(1.0, 0.0), Holds(0.5, 0.0)]
     with pytest.raises(CollisionError, match=r"robot 0: the robot runs into robot 1 at t = 2\.00"):
         fleet(drives, starts, scans=9)
     one, other = fleet(drives, starts, scans=9, on_collision="stop")
@@ -257,14 +249,14 @@ def test_controllers_of_a_fleet_see_and_touch_each_other_where_they_meet():
     assert one.truth[:, 36] == pytest.approx(gaps, abs=1e-9)
     assert one.obstacles[0].path is other.trajectory
     # One that drives on as fast is not touched, though it stands where the other will be.
-    away = fleet([Ahead(1.0), Ahead(1.0)], [(0.0, 0, 0), (1.0, 0, 0)], scans=6)
+    away = fleet([Holds(1.0, 0.0), Holds(1.0, 0.0)], [(0.0, 0, 0), (1.0, 0, 0)], scans=6)
     assert away[0].trajectory.poses[-1, 0] == 2.5
 
 
 def test_controllers_trajectories_and_obstacles_of_a_fleet_touch_each_other():
     walk = Trajectory([0.0, 4.0], [(3.0, -2.0, 1.57), (3.0, 2.0, 1.57)])
     post = DynamicObstacle(round_outline(0.2), Trajectory([0.0], [(6.0, 0, 0)]))
-    given = [Trajectory(0.5 * np.arange(9), np.tile([(3.0, 9.0, 0)], (9, 1))), Ahead(1.0)]
+    given = [Trajectory(0.5 * np.arange(9), np.tile([(3.0, 9.0, 0)], (9, 1))), Holds(1.0, 0.0)]
     with pytest.raises(CollisionError, match=r"robot 1: .* dynamic obstacle 1 at t = 5\.30"):
         met = [replace(post, path=walk), post]
         fleet(given, [(3, 9, 0), (0.0, 0, 0)], obstacles=met, scans=20)

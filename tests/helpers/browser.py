@@ -17,16 +17,16 @@ from PIL import Image
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
 
+# Chromium draws in software, and as root it wants to be told that this is meant.
 OPTIONS = [
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     *(["--no-sandbox"] if os.geteuid() == 0 else []),
 ]
-"""Chromium draws in software, and as root it wants to be told that this is meant."""
 
+# After this time [s] what has not come will not come.
 PATIENCE = 300.0
-"""After this time [s] what has not come will not come."""
 
 
 def missing():

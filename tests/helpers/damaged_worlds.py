@@ -124,6 +124,7 @@ _ENTITY = '<!DOCTYPE {0} [<!ENTITY x SYSTEM "file:///etc/passwd">]><{0}>&x;</{0}
 _INSERT = "0\nINSERT\n8\n0\n2\nA\n10\n0\n20\n0\n"
 _BLOCK = f"0\nBLOCK\n8\n0\n2\nA\n70\n0\n10\n0\n20\n0\n3\nA\n{_INSERT}0\nENDBLK\n8\n0\n"
 
+# Files that must be refused, and what the error says.
 REFUSED: dict[str, tuple[str | bytes, str]] = {
     "deep.toml": ("x = " + "[" * 100_000, "not TOML|nested too deeply"),
     "digits.toml": (f"x = [{'9' * 5000}]", "not TOML: .*4300 digits"),
@@ -136,6 +137,10 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "topology.geojson": ('{"type": "Topology"}', "TopoJSON, which is not read; make"),
     "overpass.json": (
         '{"version": 0.6, "elements": [{"type": "way", "id": 1, "nodes": 3}]}',
+        "expected the form of Overpass",
+    ),
+    "member.json": (
+        '{"elements": [{"type": "relation", "id": 3, "members": [{"ref": 9, "role": "outer"}]}]}',
         "expected the form of Overpass",
     ),
     "bare.geojson": ('{"type": "FeatureCollection"}', "without a list of features"),
@@ -173,8 +178,8 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "solid.stl": ("solid a\nendsolid a\n", "damaged|no triangle"),
     "deep.gltf": ("[" * 100_000, "damaged"),
 }
-"""Files that must be refused, and what the error says."""
 
+# A line of a map's description, and what the error says.
 MAPS: dict[str, str] = {
     "image: ../other.png": "next to this file",
     "image: none.png": "no such file",
@@ -187,4 +192,3 @@ MAPS: dict[str, str] = {
     "mode: fancy": "mode: expected one of trinary, scale, raw",
     "a: [b": "not YAML",
 }
-"""A line of a map's description, and what the error says."""

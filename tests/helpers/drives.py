@@ -14,6 +14,16 @@ from lrf3d.slam.offline import solve_log
 SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)
 
 
+class Holds:
+    """A controller that holds one command."""
+
+    def __init__(self, *command):
+        self.held = command
+
+    def command(self, time, pose, scan):
+        return self.held
+
+
 class NoMap:
     def update(self, scan):
         """Nothing."""

@@ -2,13 +2,22 @@
 
 import numpy as np
 
-from lrf3d.laser import RangeNoise
+from lrf3d.casting import PlanarCaster
+from lrf3d.laser import LaserRangeFinder, ProportionalNoise, RangeNoise
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.cells import LEAST, Cells, open_squares
 from lrf3d.mapping.robust.links import find_objects, link_walls
 from lrf3d.mapping.robust.rays import add_beams
 from lrf3d.mapping.robust.walls import Walls
+
+CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
+
+
+def scans_of(world, poses, lrf=CIRCLE, sigma=0.0):
+    """The scans from some poses, with noise in proportion to the range."""
+    caster, rng = PlanarCaster(world), np.random.default_rng(0)
+    return [ProportionalNoise(sigma)(caster.cast(lrf, pose), rng) for pose in poses]
 
 
 def map_of(scans, mapper=None):

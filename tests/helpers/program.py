@@ -29,10 +29,17 @@ def lrf3d(*arguments, cwd=".", program=None):
         return CompletedProcess(arguments, end.code or 0, out.getvalue(), err.getvalue())
 
 
+def ran(*arguments, cwd="."):
+    """A command that has succeeded, and what it printed."""
+    done = lrf3d(*arguments, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
 def told(*arguments, cwd=".", warns=False):
     """The value that a command prints, which says no word besides unless it warns."""
-    done = lrf3d(*arguments, "--json", cwd=cwd)
-    assert done.returncode == 0 and (warns or not done.stderr), done.stderr
+    done = ran(*arguments, "--json", cwd=cwd)
+    assert warns or not done.stderr, done.stderr
     return json.loads(done.stdout)
 
 

@@ -32,20 +32,21 @@ from stress import command as stress
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
+# Lines of shell that set up lrf3d, or call other programs.
 NOT_OURS = re.compile(
     r"git clone |python3 -m venv |\. \.venv|\.venv/bin/pip |pip install |dask "
     r"|python examples/|scripts/(?!bench|paper|stress)"
 )
-"""Lines of shell that set up lrf3d, or call other programs."""
 
+# What lines of shell call.
 PROGRAMS = {
     "lrf3d": None,
     "scripts/bench": bench,
     "scripts/paper": program(paper.bench, "scripts/paper", ""),
     "scripts/stress": stress,
 }
-"""What lines of shell call."""
 
+# What is added to a command; of an option that is given twice the last one holds.
 SMALL = {
     "run": "--no-video --set robot.scan_interval=1 --set laser.beams=61",
     "render": "--size 64x64 --fps 1 --playback 4 --workers 1",
@@ -54,8 +55,8 @@ SMALL = {
     "scripts/bench robots": "--robots 8 --seconds 0.1",
     "scripts/bench score": "--seeds 1 --poses 3 --beams 61 --vertices 10",
 }
-"""What is added to a command; of an option that is given twice the last one holds."""
 
+# What is called instead of what takes long, or of what a reader has and a test has not.
 INSTEAD = {
     r"\brun city\b": "run paper_room --out out/city",
     r"\bcrosscheck city\b": "crosscheck paper_room",
@@ -70,14 +71,13 @@ INSTEAD = {
     r"--at \d+": "--at 2",
     r"/front/scan": "/scan",
 }
-"""What is called instead of what takes long, or of what a reader has and a test has not."""
 
+# Commands that are parsed and not called, as tests of their own call them: peers and pages take
+# their time, and `view` shows its page until it is stopped.
 CHECKED = {
     *(f"scripts/bench {part}" for part in PARTS if part not in ("slam", "robots", "score")),
     "ros", "scripts/bench", "scripts/paper", "scripts/stress", "view", "edit",
 }  # fmt: skip
-"""Commands that are parsed and not called, as tests of their own call them: peers and pages take
-their time, and `view` shows its page until it is stopped."""
 
 
 @dataclass(frozen=True)

@@ -262,6 +262,7 @@ def poses_last(drive):
     return lines([times, ranges, poses])
 
 
+# Shapes with stamps and poses, whose bearings are those of a usual range finder.
 PLACED = {
     "vertical bars": lambda drive: lines(parts(drive), "|"),
     "a row of units": named_in_units,
@@ -300,4 +301,3 @@ PLACED = {
     "null": with_words("null", "inf"),
     "n/a": with_words("N/A", "inf"),
 }  # fmt: skip
-"""Shapes with stamps and poses, whose bearings are those of a usual range finder."""

@@ -49,25 +49,22 @@ def test_a_scan_has_the_covariance_of_its_pose_as_a_copy_that_stays():
     assert LaserScan((0, 0, 0), [0.0], [1.0]).pose_covariance is None
 
 
-MISSES = [np.nan, np.inf, 20.0, 20.5, 3.4e38]
-
-
-@pytest.mark.parametrize("miss", MISSES)
-def test_what_is_not_within_range_max_and_nan_count_as_no_return(miss):
-    scan = LaserScan((0, 0, 0), [0.0, 0.1, 0.2], [5.0, miss, -np.inf], range_max=20.0)
-    assert scan.ranges.tolist() == [5.0, np.inf, -np.inf]
-    assert scan.hits.tolist() == [True, False, False]
-
-
-def test_a_negative_range_is_too_near_also_where_all_beams_return():
-    scan = LaserScan((0, 0, 0), [0.0, 0.1, 0.2], [-0.01, 1.0, 2.0], range_max=20.0)
-    assert scan.ranges.tolist() == [-np.inf, 1.0, 2.0]
-
-
-@pytest.mark.parametrize("largest", [float(np.finfo(np.float32).max), 1e20, np.inf])
-def test_a_range_max_beyond_all_coordinates_is_unknown(largest):
-    scan = LaserScan((0, 0, 0), [0.0, 0.1], [5.0, largest], range_max=largest)
-    assert scan.range_max == np.inf and scan.ranges.tolist() == [5.0, np.inf]
+@pytest.mark.parametrize(
+    ("told", "range_max", "known"),
+    [
+        *(([5.0, miss, -np.inf], 20.0, [5.0, np.inf, -np.inf])
+          for miss in (np.nan, np.inf, 20.0, 20.5, 3.4e38)),
+        # Too near, also where all beams return.
+        ([-0.01, 1.0, 2.0], 20.0, [-np.inf, 1.0, 2.0]),
+        # Unknown, as it is beyond all coordinates.
+        *(([5.0, 5.0, most], most, [5.0, 5.0, np.inf])
+          for most in (float(np.finfo(np.float32).max), 1e20, np.inf)),
+    ],
+)  # fmt: skip
+def test_what_is_not_within_the_limits_is_no_return_or_too_near(told, range_max, known):
+    scan = LaserScan((0, 0, 0), [0.0, 0.1, 0.2], told, range_max=range_max)
+    assert scan.ranges.tolist() == known and scan.hits.tolist() == np.isfinite(known).tolist()
+    assert scan.range_max == (20.0 if range_max == 20.0 else np.inf)
 
 
 @pytest.mark.parametrize(

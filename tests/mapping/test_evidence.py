@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from map_objects import cells_of, map_of, objects_of
+from map_objects import CIRCLE, cells_of, map_of, objects_of, scans_of
 from synthetic_run import box
 
 from lrf3d import (
@@ -26,7 +26,6 @@ from lrf3d.mapping.robust.extraction import END_DEVIATIONS, LikelihoodExtractor
 from lrf3d.mapping.robust.rays import LEAST_HITS
 
 LRF = LaserRangeFinder(range_max=30.0)
-CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 ROOM = World(box(-9, -8, 18, 16))
 BENT = (
     World(np.array([[20, -5, 20.3, 0], [20.3, 0, 20, 5.0]])),
@@ -40,8 +39,7 @@ def corridor(length=12.0, half=1.0):
 
 
 def drive(mapper, world, poses, sigma=0.02, lrf=LRF):
-    rng, caster = np.random.default_rng(0), PlanarCaster(world)
-    return map_of((ProportionalNoise(sigma)(caster.cast(lrf, pose), rng) for pose in poses), mapper)
+    return map_of(scans_of(world, poses, lrf, sigma), mapper)
 
 
 def seen_from(world, poses):

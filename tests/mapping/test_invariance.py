@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from map_objects import map_of
+from map_objects import map_of, scans_of
 
 from lrf3d import (
     LaserRangeFinder,
     LaserScan,
     LineMapper,
-    PlanarCaster,
     Pose,
-    ProportionalNoise,
     World,
     follow_route,
     load_scenario,
@@ -21,11 +19,6 @@ from lrf3d.geometry.lines import lengths
 
 BLOCKS = [(0, 0, 6, 4, 0.1), (12, 1, 5, 5, -0.2), (1, 11, 7, 4, 0.0), (13, 12, 4, 6, 0.3)]
 LANES = np.array([[-3, -3], [9, -3], [9.5, 8], [-3, 8], [9.5, 19], [20, 8], [20, -3], [-3, 18]])
-
-
-def measured(world, lrf, poses, sigma):
-    caster, rng = PlanarCaster(world), np.random.default_rng(0)
-    return [ProportionalNoise(sigma)(caster.cast(lrf, pose), rng) for pose in poses]
 
 
 def city():
@@ -38,14 +31,14 @@ def city():
     places = LANES[rng.integers(0, len(LANES), 60)] + rng.uniform(-0.8, 0.8, (60, 2))
     poses = np.column_stack([places, rng.uniform(-np.pi, np.pi, 60)])
     world = World(np.vstack(rows), np.repeat(np.arange(len(BLOCKS)), 4))
-    return measured(world, LaserRangeFinder(range_max=40.0), poses, 0.04)
+    return scans_of(world, poses, LaserRangeFinder(range_max=40.0), 0.04)
 
 
 def thin_walls():
     """Scans of a world whose walls are seen from both sides."""
     corridor = load_scenario("corridor")
     drive = follow_route(corridor.route, start=corridor.start, speed=corridor.speed, dt=1.0)
-    return measured(corridor.world, corridor.lrf, drive.poses, 0.03)
+    return scans_of(corridor.world, drive.poses, corridor.lrf, 0.03)
 
 
 def moved(scan, turn, shift, step=1):

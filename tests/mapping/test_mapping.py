@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from map_objects import map_of
+from map_objects import map_of, scans_of
 
 import lrf3d
 from lrf3d import (
@@ -14,7 +14,6 @@ from lrf3d import (
     LineMap,
     LineMapper,
     PlanarCaster,
-    ProportionalNoise,
     World,
     load_map,
     save_map,
@@ -31,14 +30,8 @@ SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
 ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])
 WORLD = World(np.vstack([SQUARE, ROOM]), [0] * 4 + [1] * 4)
 AROUND = [(1, 2, 0), (6, -2.5, 1.5), (10, 2, 3.1), (6, 6.5, -1.6)]
-CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 CORNER, LRF = World([[3, -5, 3, 5], [3, 5, -3, 5]]), LaserRangeFinder()
 BOTH = pytest.mark.parametrize("mode", ["robust", "paper"])
-
-
-def scans_of(world, poses, lrf=CIRCLE, sigma=0.0):
-    rng = np.random.default_rng(0)
-    return [ProportionalNoise(sigma)(PlanarCaster(world).cast(lrf, pose), rng) for pose in poses]
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.1, 0.3])

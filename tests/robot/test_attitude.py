@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drives import Holds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -45,14 +46,9 @@ def test_pitch_and_roll_follow_the_drive() -> None:
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-class Ahead:
-    def command(self, time: float, pose: Any, scan: Any) -> tuple[float, float]:
-        return 0.1, 0.0
-
-
 @pytest.mark.parametrize("way", ["poses", "controller", "fleet", "file"])
 def test_every_drive_is_tilted_and_runs_keep_how(way: str, tmp_path: Any) -> None:
-    drive: Any = [(0, 0, 0), (0.1, 0, 0)] if way in ("poses", "fleet") else Ahead()
+    drive: Any = [(0, 0, 0), (0.1, 0, 0)] if way in ("poses", "fleet") else Holds(0.1, 0.0)
     more: Any = {"attitude": lrf3d.Attitude(pitch=0.3), "lidars": lrf3d.Lidar([0.0], columns=4)}
     more |= {"scans": 2, "rng": 0}
     if way == "fleet":

@@ -13,8 +13,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
+
+# The hash by which nodes of other installations know the type.
 TYPE_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
-"""The hash by which nodes of other installations know the type."""
 
 NEEDED = "geometry_msgs", "std_msgs", "builtin_interfaces"
 FAST, INTROSPECTION = "rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c"

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drives import Holds
 
 import lrf3d
 from lrf3d.laser import Chain, ConstantNoise, DropOuts
@@ -212,12 +213,8 @@ def test_settings_change_the_lidars_of_a_world_or_give_it_one(tmp_path: Path) ->
 
 @pytest.mark.parametrize("controlled", [False, True])
 def test_lidars_of_a_fleet_see_the_other_robots(controlled: bool) -> None:
-    class Still:
-        def command(self, time: float, pose: Any, scan: Any) -> tuple[float, float]:
-            return 0.0, 0.0
-
     starts = [(0, 0, 0), (3, 0, 0)]
-    drives = [Still(), Still()] if controlled else [[start] for start in starts]
+    drives = [Holds(0.0, 0.0)] * 2 if controlled else [[start] for start in starts]
     lidar = lrf3d.Lidar([0.0, 0.5], columns=8, mount=(0, 0, 0.1))
     world = lrf3d.World([[9, -9, 9, 9]])
     more = {"scans": 2} if controlled else {}

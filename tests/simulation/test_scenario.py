@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drives import Holds
 
 from lrf3d.base.errors import CollisionError, InputError, Lrf3dWarning, WorldError
 from lrf3d.geometry.lines import lengths
@@ -222,16 +223,6 @@ def test_angles_of_real_lasers_are_not_warned_of(tmp_path):
 def test_a_fan_of_degrees_is_warned_of():
     with pytest.warns(Lrf3dWarning, match=r"field of 5157°; for degrees write math.radians\(45\)"):
         LaserRangeFinder(angle_min=-45, angle_max=45)
-
-
-class Holds:
-    """A controller that holds one command."""
-
-    def __init__(self, *command):
-        self.held = command
-
-    def command(self, time, pose, scan):
-        return self.held
 
 
 @pytest.mark.parametrize(

@@ -294,10 +294,4 @@ def test_roads_water_and_land_are_no_walls(tmp_path):
 
 
 def test_a_foreign_member_elements_makes_no_answer_of_overpass(tmp_path):
-    ring = [[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]
-    shape = {"type": "Polygon", "coordinates": [ring]}
-    feature = {"type": "Feature", "properties": {}, "geometry": shape}
-    both = {"type": "FeatureCollection", "elements": [], "features": [feature]}
-    path = tmp_path / "a.geojson"
-    path.write_text(json.dumps(both))
-    assert len(load_world(path).segments) == 4
+    assert len(read(tmp_path, polygon(rectangle(0, 0, 9, 9)), elements=[]).segments) == 4

@@ -30,11 +30,17 @@ def test_an_invalid_material_is_refused(values, message):
         Material("own", **values)
 
 
-def test_materials_are_read_as_openstreetmap_says_them():
-    assert material_of("metal_plates") == BUILT_IN["metal"]
-    assert material_of("Brick ") == BUILT_IN["brick"]
-    assert material_of("rammed_earth") is None
-    assert material_of(None) is None
+@pytest.mark.parametrize(
+    ("said", "material"),
+    [
+        ("metal_plates", BUILT_IN["metal"]),
+        ("Brick ", BUILT_IN["brick"]),
+        ("rammed_earth", None),
+        (None, None),
+    ],
+)
+def test_materials_are_read_as_openstreetmap_says_them(said, material):
+    assert material_of(said) == material
 
 
 def test_a_material_of_a_world_file_stands_for_the_built_in_one(tmp_path):

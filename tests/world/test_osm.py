@@ -178,14 +178,20 @@ def test_a_ring_cut_into_ways_in_any_order_is_closed_again(tmp_path):
         assert len(world.segments) == 4
 
 
-def test_the_height_of_a_building_follows_from_its_tags():
-    assert tag_height({"height": "12"}) == 12.0
-    assert tag_height({"height": "12,5 m"}) == 12.5
-    for text, height in (("10'6\"", 3.2004), ("40 ft", 12.192), ("950 cm", 9.5), ("0.1 km", 100.0)):
-        assert tag_height({"height": text}) == pytest.approx(height)
-    assert tag_height({"height": "tall", "building:levels": "4"}) == 12.0
-    assert tag_height({"building:levels": "2", "roof:levels": "1"}) == 9.0
-    assert tag_height({"height": "-3"}) is None and tag_height({}) is None
+@pytest.mark.parametrize(
+    ("tags", "height"),
+    [
+        *(({"height": text}, height) for text, height in (
+            ("12", 12.0), ("12,5 m", 12.5), ("10'6\"", 3.2004), ("40 ft", 12.192), ("950 cm", 9.5),
+            ("0.1 km", 100.0), ("-3", None),
+        )),
+        ({"height": "tall", "building:levels": "4"}, 12.0),
+        ({"building:levels": "2", "roof:levels": "1"}, 9.0),
+        ({}, None),
+    ],
+)  # fmt: skip
+def test_the_height_of_a_building_follows_from_its_tags(tags, height):
+    assert tag_height(tags) == (height and pytest.approx(height))
 
 
 def test_what_is_left_out_is_counted(tmp_path):
@@ -195,18 +201,21 @@ def test_what_is_left_out_is_counted(tmp_path):
         osm(tmp_path, HOUSE + carport + way(3, 4, 5, 99, 4, building="yes"))
 
 
-def test_what_stands_over_the_robot_is_no_building():
-    assert is_building({"building": "yes"})
-    assert is_building({"building": "yes", "min_height": "0.3"})
-    for building in ("no", "roof"):
-        assert not is_building({"building": building})
-    for key, value in {
-        "min_height": "4",
-        "building:min_level": "2",
-        "location": "underground",
-    }.items():
-        assert not is_building({"building": "yes", key: value})
-    assert not is_building({"highway": "path"})
+@pytest.mark.parametrize(
+    ("tags", "stands"),
+    [
+        ({"building": "yes"}, True),
+        ({"building": "yes", "min_height": "0.3"}, True),
+        ({"building": "yes", "min_height": "4"}, False),
+        ({"building": "yes", "building:min_level": "2"}, False),
+        ({"building": "yes", "location": "underground"}, False),
+        ({"building": "no"}, False),
+        ({"building": "roof"}, False),
+        ({"highway": "path"}, False),
+    ],
+)
+def test_what_stands_over_the_robot_is_no_building(tags, stands):
+    assert is_building(tags) == stands
 
 
 def test_trees_are_read_where_they_are_asked_for(tmp_path):
@@ -270,11 +279,3 @@ def test_what_overpass_answers_besides_is_left_out_and_counted(element, note, tm
     path.write_text(json.dumps({"elements": [element, SQUARE_HOUSE]}))
     with pytest.warns(Lrf3dNote, match=note) if note else nullcontext():
         assert len(load_world(path).segments) == 3
-
-
-def test_a_member_without_a_type_is_refused_in_a_line(tmp_path):
-    members = {"type": "relation", "id": 3, "members": [{"ref": 9, "role": "outer"}]}
-    path = tmp_path / "a.json"
-    path.write_text(json.dumps({"elements": [SQUARE_HOUSE, members]}))
-    with pytest.raises(WorldError, match="expected the form of Overpass"):
-        load_world(path)

@@ -16,7 +16,7 @@ from time import sleep
 from typing import Any
 
 from lrf3d.base.cores import core_count, process_pool
-from lrf3d.base.interrupts import Progress, check
+from lrf3d.base.interrupts import MOMENT, Progress, check
 
 # The file of the kernel that takes longest: where there is one, kernels have been compiled.
 FILES = "lrf3d.mapping.robust.refitting.refit_walls.*.nbc"
@@ -70,7 +70,7 @@ def wait_for(process: "Popen[bytes]", progress: Progress) -> None:
     assert process.stdout is not None
     while True:
         check()
-        if wait([process.stdout.fileno()], 0.1):
+        if wait([process.stdout.fileno()], MOMENT):
             if not (printed := os.read(process.stdout.fileno(), 4096)):
                 return
             # Each line was written in one piece.
@@ -97,7 +97,7 @@ def main(*parts: str) -> None:
 def _end_with_parent(parent: int) -> None:
     """End this process when the program that waits for it has ended, however it did."""
     while os.getppid() == parent:
-        sleep(0.1)
+        sleep(MOMENT)
     os._exit(1)
 
 
@@ -126,7 +126,7 @@ def _calls(*parts: str) -> list[tuple[str, str, Any]]:
 
     world = lrf3d.World([[3, -1, 3, 1], [3, 1, 4, 1], [-2, -3, 2, -3]])
     lrf = lrf3d.LaserRangeFinder(beams=31)
-    drive = [(0.6 * step, 0, 0.4 * step) for step in range(3)]
+    drive = [(0.5 * step, 0, 0.5 * step) for step in range(3)]
     lrf3d.simulate(world, drive, lrf, caster="embree", rng=0)
     if "slam" in parts:
         slam = import_module("lrf3d.slam")

@@ -78,7 +78,7 @@ def _refuse_unknown(unknown: Sequence[str], options: Sequence[Option], program: 
             for key in keys_of_table(table):
                 words.setdefault(f"--{key.replace('_', '-')}", f"--set {table}.{key}=VALUE")
     for flag in unknown:
-        near = get_close_matches(flag, words, n=1, cutoff=0.7)
+        near = get_close_matches(flag, words, n=1)
         hint = f"did you mean {words[near[0]]!r}?" if near else f"see {program} -h"
         raise InputError(f"{program.partition(' ')[2]}: there is no {shown(flag)}; {hint}")
 

@@ -11,7 +11,7 @@ from lrf3d.apps.cli.console import Console, say, warn
 from lrf3d.apps.cli.folder import file_of_run
 from lrf3d.apps.cli.inputs import refuse, routed
 from lrf3d.apps.export import export_run, share_run
-from lrf3d.base.errors import InputError, MissingLibraryError
+from lrf3d.base.errors import InputError, MissingLibraryError, storage
 from lrf3d.base.files import replacing
 from lrf3d.base.formats import by_name
 from lrf3d.base.text import counted
@@ -196,12 +196,15 @@ def export(run: Run, args: Namespace, console: Console) -> None:
     files = [each for each in (path, *sorted(path.rglob("*"))) if each.is_file()]
     scans = len(range(0, len(run), args.every))
     size = sum(file.stat().st_size for file in files)
-    shown = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
     # A page has moments, not scans.
     kept = {} if args.to == "html" else {"scans": scans}
     console.print(
         {"file": str(path), "format": args.to, **kept, "bytes": size},
-        [(args.to, str(path)), *((n, f"{each:,}") for n, each in kept.items()), ("size", shown)],
+        [
+            (args.to, str(path)),
+            *((n, f"{each:,}") for n, each in kept.items()),
+            ("size", storage(size)),
+        ],
     )
 
 
@@ -213,5 +216,5 @@ def share(run: Run, args: Namespace, console: Console) -> None:
     kept = [("kept", f"one of {every} moments")] if every > 1 else []
     console.print(
         {"file": str(path), "every": every, "bytes": size},
-        [("page", str(path)), *kept, ("size", f"{size / 1e6:.1f} MB")],
+        [("page", str(path)), *kept, ("size", storage(size))],
     )

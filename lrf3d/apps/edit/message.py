@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.apps.edit.sources import USUAL_SIZE
 from lrf3d.plans.parts import KINDS
 from lrf3d.plans.plan import Plan
 
@@ -30,7 +31,7 @@ def plan_message(plan: Plan, header: Mapping[str, Any]) -> bytes:
     """A plan as rows of strokes relative to an origin, with the properties of each by number."""
     parts = plan.parts
     ends = parts.segments.reshape(-1, 2)
-    seen = ends if len(ends) else np.array([[0.0, 0.0], [12.0, 8.0]])
+    seen = ends if len(ends) else np.array([[0.0, 0.0], [USUAL_SIZE, 8.0]])
     origin = np.round(seen.mean(axis=0))
     names = dict[str, list[str]]()
     columns = dict[str, Any]()

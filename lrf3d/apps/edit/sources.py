@@ -14,6 +14,7 @@ from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Float
 from lrf3d.plans.plan import Plan
 from lrf3d.plans.rules.doors import USUAL
+from lrf3d.world.model import DOOR
 from lrf3d.world.pixels import pixels_of
 from lrf3d.world.schema import at
 
@@ -22,9 +23,6 @@ LONGEST = 3000
 
 # Assumed size of a plan whose scale is unknown [m]: that of a flat.
 USUAL_SIZE = 12.0
-
-# Usual width of a door leaf [m].
-LEAF = 0.9
 
 # Largest number of doors that are offered to set the scale.
 OFFERED = 3
@@ -81,13 +79,13 @@ def suggestions(openings: Float, unit: float, scaled: bool) -> list[dict[str, An
     Places are in units [m] of the drawing.
     """
     widths = np.hypot(*(openings[:, 1] - openings[:, 0]).T)
-    usual = LEAF if scaled or not len(widths) else np.median(widths)
+    usual = DOOR if scaled or not len(widths) else np.median(widths)
     return [
         {
             "between": (openings[each] / unit).tolist(),
             "metres": round(widths[each], 2)
             if scaled and USUAL[0] <= widths[each] <= USUAL[1]
-            else LEAF,
+            else DOOR,
             "why": "a door leaf",
         }
         for each in np.argsort(np.abs(widths - usual), kind="stable")[:OFFERED]
@@ -103,10 +101,10 @@ def checked_scale(plan: Plan, openings: Float) -> dict[str, Any]:
     middle = float(np.median(widths))
     size = np.ptp(plan.parts.segments.reshape(-1, 2), axis=0)
     span = " to ".join(dict.fromkeys(f"{each:.2f}" for each in widths[[0, -1]]))
-    factor = LEAF / middle
+    factor = DOOR / middle
     larger = " × ".join(f"{each:.1f}" for each in size * factor)
     if abs(factor - 1.0) > OFF:
-        offers.append((f"{LEAF:g} m for most doors: {larger} m", factor))
+        offers.append((f"{DOOR:g} m for most doors: {larger} m", factor))
     return {
         "text": f"{counted(len(widths), 'door')} of {span} m, most of {middle:.2f} m",
         "offers": offers,

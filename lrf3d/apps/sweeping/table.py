@@ -15,9 +15,7 @@ from lrf3d.apps.sweeping.plan import Row, SweepPlan
 from lrf3d.base.errors import one_line
 from lrf3d.base.files import folder_name, write_text
 from lrf3d.base.text import counted, table
-
-# Probability that an interval contains the mean.
-CONFIDENCE = 0.95
+from lrf3d.geometry.lines import CONFIDENCE
 
 # The measures that are averaged: their headings, the factors of their values, their decimals.
 MEASURES = {

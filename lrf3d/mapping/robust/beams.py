@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.lines import NORMAL_MEDIAN, Float, Int, Records
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan, RangeNoise
 
@@ -227,8 +227,7 @@ class NoiseEstimate:
         before = np.log(np.maximum(assumed.variance(ranges), self._floor**2))
         seen = number > 0.0
         median = (2 * self._counts.cumsum(axis=1) >= number[:, None]).argmax(axis=1)
-        # The median of the sizes of normal deviates is 0.6745 deviations.
-        scale = NOISE_UNIT * 10.0 ** ((median + 0.5) / PER_DECADE) / 0.6745
+        scale = NOISE_UNIT * 10.0 ** ((median + 0.5) / PER_DECADE) / NORMAL_MEDIAN
         found = np.where(seen, 2.0 * np.log(scale), before)
         # [ranges] Weight of the initial noise: a third of a scan. It matters for the first scans
         # only.

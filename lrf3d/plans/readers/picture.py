@@ -35,6 +35,7 @@ from lrf3d.world.grid_walls import (
     sides_of,
     walls_of_grid,
 )
+from lrf3d.world.model import LARGEST_CELL
 from lrf3d.world.pieces import groups, pairs_within
 from lrf3d.world.pixels import pixels_of
 
@@ -89,7 +90,7 @@ def read_picture(
         how = f"--resolution, the metres per pixel, or write {known.name} next to it"
         keys = f"image: {path.name}, resolution: 0.05, origin: [0, 0, 0]"
         raise WorldError(f"{what} {how}: {keys}")
-    side = number(resolution, "resolution", positive=True, most=1e4)
+    side = number(resolution, "resolution", positive=True, most=LARGEST_CELL)
     pixels = pixels_of(path)
     # Light ink on a transparent sheet is meant for a dark one.
     inked = pixels[::4, ::4][pixels[::4, ::4, -1] > 0.5 * WHITE]

@@ -24,7 +24,6 @@ from lrf3d.base.errors import WorldError, one_line, shown
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
 from lrf3d.plans.canvas import (
     FAINT,
-    INCH,
     POINT,
     UNKNOWN,
     WHITE,
@@ -38,13 +37,14 @@ from lrf3d.plans.canvas import (
 )
 from lrf3d.plans.readers.styles import declarations, overruled, style_sheet
 from lrf3d.plans.scale import sheet_scales
+from lrf3d.world.model import INCH, METRES
 
 # A pixel [m]: the unit of lengths that name none.
 PIXEL = INCH / 96.0
 
 # Metres in the units of lengths.
 UNITS = {
-    "": PIXEL, "px": PIXEL, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "q": 0.25e-3,
+    "": PIXEL, "px": PIXEL, "m": 1.0, "cm": METRES["cm"], "mm": METRES["mm"], "q": METRES["mm"] / 4,
     "in": INCH, "pt": POINT, "pc": 12.0 * POINT, "em": 16.0 * PIXEL,
 }  # fmt: skip
 

@@ -15,7 +15,7 @@ import numpy as np
 from lrf3d.base.cores import core_count, process_pool, results
 from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.interrupts import Progress, check, silent, stoppable
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import CONFIDENCE, Float
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import ProportionalNoise, RangeNoise
 from lrf3d.simulation.run import Run
@@ -31,9 +31,6 @@ from lrf3d.slam.places.pairing import STRATEGIES, KnownLines
 
 # Typical range [m] of the points that a map is fitted to.
 MAPPED_RANGE = 10.0
-
-# Probability that the NEES of a consistent filter, averaged over the seeds, is within its bounds.
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +97,7 @@ def _scored(tracks: list[Track], truth: Float) -> dict[str, Any]:
     distance = np.hypot(errors[..., 0], errors[..., 1])
     averages = nees.mean(axis=0)
     # The NEES of a consistent filter has three degrees of freedom.
+    # The NEES of a consistent filter, averaged over the seeds, is within its bounds so often.
     tail = 0.5 * (1.0 - CONFIDENCE)
     low, high = (chi2(3 * len(tracks)).ppf([tail, 1.0 - tail]) / len(tracks)).tolist()
     return {

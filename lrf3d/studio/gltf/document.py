@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lrf3d.geometry.lines import Float
+from lrf3d.mapping.tints import linear_light
 
 # What an array is for, as the format numbers it: attributes of vertices.
 VERTICES = 34962
@@ -155,7 +156,7 @@ class Document:
         if colours is not None:
             rows = np.ones((len(columns["POSITION"]), 4))
             rows[:, : colours.shape[-1]] = colours.reshape(len(rows), -1)
-            rows[:, :3] = _linear(np.clip(rows[:, :3], 0.0, 1.0))
+            rows[:, :3] = linear_light(np.clip(rows[:, :3], 0.0, 1.0))
             columns["COLOR_0"] = np.round(np.iinfo(kind).max * rows).astype(kind)
         if texture is not None:
             # Beyond its edges a texture goes on as it is there.
@@ -270,16 +271,6 @@ class Document:
             data += fill * (-len(data) % _ALIGNMENT)
             chunks += struct.pack("<I4s", len(data), kind) + data
         return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
-
-
-def _linear(screen: Float) -> Float:
-    """Colours in linear light, with which glTF counts, of those of a screen (IEC 61966-2-1)."""
-    # The standard's slope of dark colours, up to the limit, and offset and power of the others.
-    slope = 12.92
-    limit = 0.04045
-    offset = 0.055
-    power = 2.4
-    return np.where(screen <= limit, screen / slope, ((screen + offset) / (1.0 + offset)) ** power)
 
 
 def turned(angles: Float) -> Float:

@@ -21,8 +21,9 @@ from lrf3d.base.errors import WorldError, shown
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, is_finite
 from lrf3d.world.materials import Material, material_of
-from lrf3d.world.model import DEFAULT_HEIGHT, World
+from lrf3d.world.model import DEFAULT_HEIGHT, DOOR, World
 from lrf3d.world.pieces import (
+    TOUCHING,
     Part,
     from_corner,
     groups,
@@ -44,7 +45,8 @@ from lrf3d.world.towns.tags import (
 # Default height of a building [m]: two storeys and a roof.
 DEFAULT_BUILDING_HEIGHT = 8.0
 
-# Widest gap [m] between footprints that touch: surveys leave hairline gaps.
+# Widest gap [m] between footprints that touch, and largest distance between an opening and the wall
+# that it opens: surveys leave hairline gaps.
 CLOSING = 0.05
 
 # Largest distance [m] from a straight façade of a corner that is left out.
@@ -56,15 +58,6 @@ POLE = 90
 
 # Mean radius of the Earth [m].
 EARTH_RADIUS = 6_371_008.8
-
-# Width [m] of a door in the wall of a room, if not given.
-DOOR = 0.9
-
-# Largest distance [m] between an opening and the wall that it opens.
-SIDE = 0.05
-
-# Distance [m] within which walls of two rooms are the same wall.
-SHARED = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,15 +182,15 @@ def _walls_of_rooms(rooms: list[Feature], openings: list[Feature]) -> list[Featu
     # A line without area may be a wall that divides a room.
     areas = shapely.make_valid(np.array(shapes_of(rooms), dtype=object))
     outlines = [each.boundary if each.area else each for each in areas]
-    lines = shapely.union_all(outlines, grid_size=SHARED)
+    lines = shapely.union_all(outlines, grid_size=TOUCHING)
     open_ = [
         each.buffer(0.5 * DOOR)
         if each.geom_type == "Point"
-        else each.buffer(SIDE, cap_style="flat")
+        else each.buffer(CLOSING, cap_style="flat")
         for each in shapes_of(openings)
     ]
     lines = shapely.line_merge(lines.difference(shapely.union_all(open_)))
-    houses = shapely.get_parts(shapely.union_all(shapely.buffer(areas, SHARED)))
+    houses = shapely.get_parts(shapely.union_all(shapely.buffer(areas, TOUCHING)))
     parts = shapely.get_parts(lines)
     house, line = shapely.STRtree(parts).query(houses, predicate="intersects")
     height = next((room.height for room in rooms if room.height), DEFAULT_HEIGHT)
@@ -381,7 +374,7 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
         for index, points in _rings(local[members]):
             # Corners that came from the source, and not from closing a gap, are as in the source.
             gaps, nearest = map(np.asarray, source.query(points))
-            exact = np.where((gaps <= 0.002)[:, None], corners[nearest], points + origin)
+            exact = np.where((gaps <= 2.0 * TOUCHING)[:, None], corners[nearest], points + origin)
             once = (exact != np.roll(exact, 1, axis=0)).any(axis=1)
             if turn := _turn_of(points[once], is_hole=index > 0):
                 tops = _heights(points[once][::turn], local[members], tall[members])

@@ -9,20 +9,18 @@ from collections.abc import Mapping
 from operator import mul
 from typing import Any
 
-from lrf3d.world.model import FOOT, INCH
+from lrf3d.world.model import FOOT, INCH, METRES
 
 # Height of a storey [m], for buildings with only a number of levels.
 LEVEL_HEIGHT = 3.0
 
 # Metres in the units of heights.
 UNITS = {
+    **METRES,
     **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
     **dict.fromkeys(("ft", "foot", "feet", "'", "′"), FOOT),
     **dict.fromkeys(("in", "inch", "inches", '"', "″"), INCH),
-    "mm": 1e-3,
-    "cm": 1e-2,
-    "km": 1000.0,
-    "yd": 0.9144,
+    "yd": 36 * INCH,
 }
 
 # Matches a number and its unit in a length.

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from program import lrf3d, refused, told
+from program import ran, refused, told
 
 from lrf3d import DynamicObstacle, InputError, Pose, Trajectory, World, load_map, load_run
 from lrf3d.casting.collision import Body, find_collision
@@ -87,9 +87,8 @@ def test_what_several_robots_cannot_do_is_refused(tmp_path):
 @pytest.mark.slow
 def test_robots_of_a_run_before_leave_no_folder(tmp_path):
     words = "run", "corridor", "--scans", "2", "--no-video", "--out", tmp_path
-    assert lrf3d(*words, "--robots", "2").returncode == 0
+    ran(*words, "--robots", "2")
     (tmp_path / "robot1" / "mine.txt").write_text("kept")
-    done = lrf3d(*words)
-    assert done.returncode == 0, done.stderr
+    ran(*words)
     left = {str(file.relative_to(tmp_path)) for file in tmp_path.glob("robot*/*")}
     assert left == {"robot1/mine.txt"} and not (tmp_path / "robot2").exists()

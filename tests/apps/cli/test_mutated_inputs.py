@@ -20,12 +20,14 @@ from test_scenario import ROOM as TABLES
 import lrf3d
 
 COUNT = int(os.environ.get("LRF3D_MUTATED", "100"))
+
+# Those that are tried also where slow tests are left out.
 FEW = 4
-"""Those that are tried also where slow tests are left out."""
 
+# What an input may take [s]; one that takes longer ends the process of the tests.
 SECONDS = 300
-"""What an input may take [s]; one that takes longer ends the process of the tests."""
 
+# What stands in the place of something else.
 TOKENS = [
     b"nan", b"inf", b"-inf", b"-1", b"0", b"-0.0", b"1e308", b"-1e308", b"1e-308", b"1e400", b".5",
     b"5.", b"1_000", b"0x10", b"1e16", b"99999999999999999999", b"9" * 5000, b"2026-11-21", b"true",
@@ -33,10 +35,9 @@ TOKENS = [
     b"\r\n", b"\x1b[31m", b"\xff\xfe", "σ".encode(), "\U0001f916".encode(), b"x" * 100_000,
     b"$^$", b"<!-- ", b"%s%n", b"../../etc", b"-", b"--", b"null", b"None", b",", b"#",
 ]  # fmt: skip
-"""What stands in the place of something else."""
 
+# Numbers and words.
 PATTERNS = [re.compile(rb"[+-]?\d+\.?\d*(?:[eE][+-]?\d+)?"), re.compile(rb"[A-Za-z_][\w]*")]
-"""Numbers and words."""
 
 ROOM = f"""\
 name = "box"

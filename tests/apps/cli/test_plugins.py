@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drives import NoMap
+from drives import Holds, NoMap
 from program import lrf3d as program
 from program import refused, told
 from test_cli import ROOM
@@ -122,12 +122,8 @@ def test_a_mapper_without_update_is_refused():
 
 
 def test_a_controller_drives_exact_arcs_for_as_long_as_the_user_looks():
-    class Round:
-        def command(self, time, pose, scan):
-            return 1.0, 0.5
-
     steps = []
-    for step in Simulation(BOX, Round(), LRF, start=(5, 2, 0), scan_interval=0.1):
+    for step in Simulation(BOX, Holds(1.0, 0.5), LRF, start=(5, 2, 0), scan_interval=0.1):
         steps.append(step)
         if len(steps) == 127:
             break
@@ -138,12 +134,10 @@ def test_a_controller_drives_exact_arcs_for_as_long_as_the_user_looks():
 
 @pytest.mark.parametrize("command", [3.0, (1.0,), (1.0, np.nan), "ab"])
 def test_an_invalid_command_is_refused_with_its_time(command):
-    class Bad:
-        def command(self, time, pose, scan):
-            return command
-
+    controller = Holds()
+    controller.held = command
     with pytest.raises(InputError, match="t = 0 s"):
-        list(Simulation(BOX, Bad(), LRF, start=(5, 2, 0), scans=3))
+        list(Simulation(BOX, controller, LRF, start=(5, 2, 0), scans=3))
 
 
 def test_a_controller_decides_when_a_scan_that_takes_time_is_complete():

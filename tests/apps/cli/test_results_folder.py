@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from program import lrf3d, refused
+from program import lrf3d, ran, refused
 from test_cli import ROOM
 
 from lrf3d.base.files import folder_name, locked
@@ -28,7 +28,7 @@ def test_a_name_becomes_the_name_of_one_folder(name, folder):
 def test_a_folder_holds_one_run_and_what_the_next_does_not_write_is_removed(tmp_path):
     (tmp_path / "box.toml").write_text(ROOM)
     run = ("run", "box.toml", "--no-video", "--scans", 2)
-    assert lrf3d(*run, "--sigma", 0.1, 0.2, cwd=tmp_path).returncode == 0
+    ran(*run, "--sigma", 0.1, 0.2, cwd=tmp_path)
     out = tmp_path / "out" / "box"
     (out / "mine.txt").write_text("kept")
     assert (out / "noise.png").exists()
@@ -61,10 +61,10 @@ def test_commands_write_to_folders_of_their_own_and_to_no_others(tmp_path, monke
     assert "out/box: holds results of lrf3d run ../../a/box.toml, seed 0; choose" in refused(
         *other, cwd=tmp_path
     )
-    assert lrf3d(*other, "-o", "out/b", cwd=tmp_path).returncode == 0
+    ran(*other, "-o", "out/b", cwd=tmp_path)
     # The same in another format is no other source.
     Path("a/box.toml").rename("a/box.yaml.toml")
-    assert lrf3d("run", "a/box.yaml.toml", *run[2:], cwd=tmp_path).returncode == 0
+    ran("run", "a/box.yaml.toml", *run[2:], cwd=tmp_path)
     Path("a/box.yaml.toml").rename("a/box.toml")
     # A folder that is given is no other, and one whose summary says nothing is somebody's.
     assert "out/box: holds results of lrf3d run" in refused(*other, "-o", "out/box", cwd=tmp_path)
@@ -104,7 +104,7 @@ def sources(tmp_path_factory):
         (folder / f"{name}.toml").write_text(world)
         drive = ("run", f"{name}.toml", "--no-video", "--scans", 4, "--out", f"run_{name}")
         for words in (drive, ("export", f"run_{name}", "--to", "carmen", "-o", f"{name}.log.gz")):
-            assert lrf3d(*words, cwd=folder).returncode == 0
+            ran(*words, cwd=folder)
     lrf3d("slam", "a.log.gz", "--out", "slam_a", cwd=folder)
     (folder / "slam_a/trajectory.tum").rename(folder / "a.tum")
     return folder
@@ -133,14 +133,13 @@ def test_what_is_of_another_source_is_replaced_by_force_alone(command, sources, 
         return WRITING[command].format(Source(source)).replace("OUT", str(tmp_path)).split()
 
     (tmp_path / "mine.txt").write_text("kept")
-    assert lrf3d(*words("a"), cwd=sources).returncode == 0
+    ran(*words("a"), cwd=sources)
     before = contents(tmp_path)
     assert "--force" in refused(*words("b"), cwd=sources)
     assert contents(tmp_path) == before
     again = ["--resume"] if command == "sweep" else []
-    assert lrf3d(*words("a"), *again, cwd=sources).returncode == 0
-    done = lrf3d(*words("b"), "--force", cwd=sources)
-    assert done.returncode == 0, done.stderr
+    ran(*words("a"), *again, cwd=sources)
+    ran(*words("b"), "--force", cwd=sources)
     assert contents(tmp_path).keys() >= {tmp_path / "mine.txt"} and contents(tmp_path) != before
     if (summary := tmp_path / "summary.json").exists():
         files = {tmp_path / name for name in json.loads(summary.read_text())["files"].values()}
@@ -153,12 +152,12 @@ def test_by_force_the_films_and_exports_of_the_old_run_go_too(sources, tmp_path)
     run = ("run", "a.toml", "--no-video", "--scans", 2, "--out", tmp_path)
     lrf3d(*run, cwd=sources)
     for target in ("carmen", "rosbag2", "html"):
-        assert lrf3d("export", tmp_path, "--to", target, cwd=sources).returncode == 0
+        ran("export", tmp_path, "--to", target, cwd=sources)
     (tmp_path / "run_bag/mine.txt").write_text("kept")
     other = ("run", "b.toml", *run[2:])
     refused(*other, cwd=sources)
     assert (tmp_path / "run_bag/metadata.yaml").exists()
-    assert lrf3d(*other, "--force", cwd=sources).returncode == 0
+    ran(*other, "--force", cwd=sources)
     kept = {path.name for path in tmp_path.rglob("*") if path.is_file()}
     assert kept == {"run.npz", "map.geojson", "map.png", "world.png", "summary.json", "mine.txt"}
 
@@ -169,7 +168,7 @@ def test_files_that_no_summary_names_are_not_replaced(sources, tmp_path):
     run = ("run", "a.toml", "--no-video", "--scans", 2, "--out", tmp_path)
     assert "map.png of something else" in refused(*run, cwd=sources)
     assert "leave out" in refused(*run, "--force", "--resume", cwd=sources)
-    assert lrf3d(*run, "--force", cwd=sources).returncode == 0
+    ran(*run, "--force", cwd=sources)
 
 
 @pytest.mark.slow
@@ -178,4 +177,4 @@ def test_a_command_that_failed_at_its_beginning_keeps_no_folder(sources, tmp_pat
     (tmp_path / "summary.json").write_text(
         json.dumps({"made_by": {"command": "map", "sources": ["x.log"]}})
     )
-    assert lrf3d(*run, cwd=sources).returncode == 0
+    ran(*run, cwd=sources)

@@ -23,6 +23,7 @@ PATIENCE = 300.0
 
 FILM = ["--size", "64x64", "--fps", "2", "--playback", "2", "--workers"]
 
+# Commands; OUT is the folder that each writes to.
 COMMANDS = {
     "run": ["run", "WORLD", "--no-video", "--out", "OUT"],
     "run film": ["run", "WORLD", *FILM, "2", "--out", "OUT"],
@@ -36,10 +37,9 @@ COMMANDS = {
     "world": ["world", "show", "WORLD", "--out", "OUT/w.png"],
     "localise": ["localise", "WORLD", "--seeds", "2", "--workers", "2"],
 }  # fmt: skip
-"""Commands; OUT is the folder that each writes to."""
 
+# What is the same, byte by byte, when a stopped command is resumed.
 SAME = {"run": ("run.npz", "map.geojson"), "sweep": ("runs.csv",)}
-"""What is the same, byte by byte, when a stopped command is resumed."""
 
 
 @pytest.fixture(scope="module")

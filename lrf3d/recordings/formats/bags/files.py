@@ -17,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lrf3d.base.errors import InputError, one_line
+from lrf3d.base.errors import InputError, one_line, storage
 from lrf3d.base.files import check_ordinary
 from lrf3d.base.formats import MCAP, ROS_1, ROS_1_OLD, SQLITE, ZSTD, by_name
 from lrf3d.messages.clouds import CLOUD
@@ -132,7 +132,7 @@ def _zstd() -> Any:
 
 def _check_size(size: int) -> None:
     if size > LARGEST_RECORD:
-        raise InputError(f"a record of {size / 1e6:,.0f} MB; record in smaller chunks")
+        raise InputError(f"a record of {storage(size)}; record in smaller chunks")
 
 
 def _unpack(path: Path, whole: Any) -> None:
