@@ -233,9 +233,10 @@ def test_raw_odometry_is_kept_line_by_line_with_the_places_of_the_scans(tmp_path
     ahead = load_log(write(tmp_path / "c.log", *lines[:1], odom(2, 5), raw, odom(3, 7)))
     # Between lines that lie far apart, the robot goes on moving.
     assert ahead.poses[0].tolist() == [2.46, 0.0, 0.0] and ahead.scans[0].robot == (2.5, 0.0, 0.0)
-    for before, place in (([odom(1, 5.9)], 1), ([], 0)):
+    truth = "TRUEPOS 7 0 0 7 0 0 5.9 host 5.9"
+    for before, place, x in (([odom(1, 5.9)], 1, 2.0), ([], 0, 2.0), ([truth], -1, 7.0)):
         log = load_log(write(tmp_path / "d.log", *before, raw, odom(2, 6), odom(3, 6.1)))
-        assert log.poses[0, 0] == 2.0 and log.wheels.places.tolist() == [place]
+        assert log.poses[0, 0] == x and log.wheels.places.tolist() == [place]
     placed = load_log(tmp_path / "c.log", poses="odom").poses[0]
     assert placed == pytest.approx([2.46, 0.0, 0.0])
 

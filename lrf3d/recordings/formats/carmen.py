@@ -340,17 +340,20 @@ class _Reading:
     def _take_later_lines(self) -> None:
         """Give scans without poses that of the line after them, if it is the one of their stamp.
 
-        Scans before the first line have no other.
+        Scans before the first line have no other. Poses of TRUEPOS and Odometry messages are kept.
         """
         odom = self._stamped["odom"]
         for number, row in enumerate(self.rows):
             if self._kinds[row.laser][0] not in RAW or row.place + 1 >= len(odom):
                 continue
             time, pose = odom[row.place + 1]
-            is_first = row.place < 0
-            if is_first or abs(row.scan.time - time) < AT_ONCE < row.scan.time - odom[row.place][0]:
-                scan = replace(row.scan, pose=pose)
-                self.rows[number] = row._replace(scan=scan, place=row.place + 1)
+            before, last = odom[row.place] if row.place >= 0 else (-inf, CENTRE)
+            if row.scan.pose == last and (
+                row.place < 0 or abs(row.scan.time - time) < AT_ONCE < row.scan.time - before
+            ):
+                self.rows[number] = row._replace(
+                    scan=replace(row.scan, pose=pose), place=row.place + 1
+                )
 
     @property
     def is_coarse(self) -> bool:

@@ -18,6 +18,7 @@ from lrf3d.geometry.pose import Pose, compose, heading_of
 from lrf3d.laser import LaserScan
 from lrf3d.recordings.formats.text.fans import (
     FANS,
+    LEAST_ALIKE,
     WHOLE_TURN,
     WIDEST_FAN,
     are_turns,
@@ -93,9 +94,6 @@ ROOM = 1500.0
 
 # Least angle [°] from the first beam to the last: less is another number.
 NARROWEST = 0.5
-
-# Bearings above this [rad] count from 0 through what is behind.
-BEHIND = 1.05 * np.pi
 
 # Longest usual time between two scans [s], from which the unit of stamps is known.
 SLOWEST = 5.0
@@ -243,10 +241,11 @@ class Table:
         step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
         cells = np.rint((angles - low) / (step or 1.0)).astype(int) % beams
         scans = np.repeat(np.arange(len(sizes)), sizes)
-        # Of several returns that share a beam the first counts.
-        places, first = np.unique(scans * beams + cells, return_index=True)
+        # Of several returns that share a beam the first valid one counts.
+        order = np.argsort(~(np.isfinite(readings) & (readings > 0.0)), kind="stable")
+        places, first = np.unique((scans * beams + cells)[order], return_index=True)
         ranges = np.full((len(sizes), beams), -np.inf)
-        ranges.flat[places] = readings[first]
+        ranges.flat[places] = readings[order[first]]
         dropped = len(readings) - len(places)
         if dropped > MOST_ALIKE * len(readings):
             found = f"{dropped:,} of {len(readings):,} readings have the bearing of another"
@@ -254,8 +253,7 @@ class Table:
         self._thin(len(angles), begins[kept])
         self._thin(len(sizes), kept)
         # A scanner that turns may see nothing behind it; its bearings still count through there.
-        turning = whole or bearings.max() > BEHIND
-        self.clockwise |= turning and "quality" in self.values
+        self.clockwise |= "quality" in self.values and bool(whole or (angles != bearings).any())
         self.values["ranges"] = ranges[kept]
         self.values["angles"] = np.asarray(low + step * np.arange(beams))
         self.units["angles"] = "rad"
@@ -279,7 +277,10 @@ class Table:
         again = np.abs(steps) > 0.5 * np.ptp(bearings)
         changed = np.diff(stamps) != 0.0
         if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
-            again = again if are_turns(steps, again, changed) else changed
+            # Scans with stamps of their own have most bearings, and hardly one of them twice.
+            most = 2 * len(stamps) > len(np.unique(bearings)) * (changed.sum() + 1)
+            own = most and len(np.unique(stamps + 1j * bearings)) > LEAST_ALIKE * len(stamps)
+            again = again if not own and are_turns(steps, again, changed) else changed
         return np.concatenate([[0], np.flatnonzero(again) + 1, [len(bearings)]])
 
     def _in(self, role: str, guessed: str, why: str = "") -> Float:
@@ -339,8 +340,8 @@ class Table:
         """The bearings of a usual range finder with this number of beams."""
         if count not in FANS:
             raise InputError(
-                f"{self.intake.path}: {count} beams at unknown bearings; say which by --format"
-                " 'first=…deg, last=…deg'"
+                f"{self.intake.path}: {count} beams at unknown bearings; say which by --format,"
+                " such as 'first=-120deg, last=120deg'"
             )
         first, last = (float(np.radians(end)) for end in FANS[count])
         # Half a turn may be a whole one, and the other way round.

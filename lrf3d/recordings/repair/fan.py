@@ -32,7 +32,7 @@ def find(recording: Recording) -> Recording | None:
     if _off(best) > FITTING:
         raise InputError(
             "the scans turn unlike the odometry, whichever usual fan their beams may have; name"
-            " it by --format 'first=…deg, last=…deg'"
+            " it by --format, such as 'first=-120deg, last=120deg'"
         )
     return replace(best, seen_turns=best.turns)
 

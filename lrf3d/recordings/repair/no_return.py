@@ -42,9 +42,8 @@ ADJACENT = 0.3
 SPREAD = 0.16
 
 # Least mean difference of adjacent readings in that band, in its depth: those that met nothing have
-# nothing to do with each other, 0.30 to 0.36; a wall goes on from beam to beam, up to 0.26 with its
-# noise.
-UNRELATED = 0.28
+# nothing to do with each other; a wall goes on from beam to beam.
+UNRELATED = 0.2
 
 # Share of the readings in that band that are walls.
 RARE = 0.05

@@ -152,9 +152,14 @@ def _partner_table(path: Path, spec: str) -> Table:
         return Table.named(intake, records(intake))
     form = form_of(path)
     layout = described(spec, []) if spec else by_names(form)
-    usual = POSES.get(len(form.sample[0]), "")
-    if usual and not spec and not {"x", "dx"} & layout.columns.keys():
-        layout = described(usual, [])
+    if not spec and not {"x", "dx"} & layout.columns.keys():
+        usual = described(POSES.get(len(form.sample[0]), "-"), [])
+        # Encoder ticks are no poses, however many columns there are.
+        layout = (
+            usual
+            if layout.only(MOVING, keep=True).columns.items() <= usual.columns.items()
+            else Layout()
+        )
     layout.columns.pop("ranges", None)
     table = Table(intake, {})
     layout.read(form, table)
