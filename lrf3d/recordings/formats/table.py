@@ -278,8 +278,9 @@ class Table:
         changed = np.diff(stamps) != 0.0
         if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
             # Scans with stamps of their own have most bearings, and hardly one of them twice.
-            most = 2 * len(stamps) > len(np.unique(bearings)) * (changed.sum() + 1)
-            own = most and len(np.unique(stamps + 1j * bearings)) > LEAST_ALIKE * len(stamps)
+            scans = np.append(0, np.cumsum(changed))
+            most = 2 * len(stamps) > len(np.unique(bearings)) * (scans[-1] + 1)
+            own = most and len(np.unique(WIDEST_FAN * scans + bearings)) > LEAST_ALIKE * len(stamps)
             again = again if not own and are_turns(steps, again, changed) else changed
         return np.concatenate([[0], np.flatnonzero(again) + 1, [len(bearings)]])
 
@@ -348,8 +349,9 @@ class Table:
         half = last - first <= np.pi
         if half or last - first > WHOLE_TURN:
             self.fans = (front_ends(count, 2.0 * np.pi if half else np.pi),)
-        ends = f"{FANS[count][0]}° to {FANS[count][1]}°"
-        self.intake.notes.append(f"{count} beams from {ends} assumed, counter-clockwise")
+        self.intake.notes.append(
+            f"{count} beams from {FANS[count][0]}° to {FANS[count][1]}° assumed, counter-clockwise"
+        )
         return np.asarray(first + (last - first) / (count - 1) * np.arange(count))
 
     def times(self) -> Float:
