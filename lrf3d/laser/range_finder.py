@@ -91,7 +91,9 @@ class LaserRangeFinder(Value):
 
     def __post_init__(self) -> None:
         def check(name: str, unit: str = "", **limits: Any) -> None:
-            number(getattr(self, name), f"range finder: {name}", unit, **limits)
+            value = number(getattr(self, name), f"range finder: {name}", unit, **limits)
+            # Kernels take float64, and angles are as fine as their limits.
+            object.__setattr__(self, name, value)
 
         check("angle_max", least=-LARGEST_ANGLE, most=LARGEST_ANGLE)
         check("angle_min", "rad up to angle_max", least=-LARGEST_ANGLE, most=self.angle_max)

@@ -11,11 +11,8 @@ import numpy as np
 from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Float, lengths
 from lrf3d.plans.canvas import Canvas
-from lrf3d.plans.doubts import FEW
 from lrf3d.plans.rules.doors import USUAL, find_doors
-from lrf3d.plans.rules.enclosure import LEAST_CLOSED, MODEL, closed_share, drawn_cells
 from lrf3d.plans.rules.strokes import MAY_OPEN, Strokes
-from lrf3d.world.grid_walls import extent_of
 from lrf3d.world.model import SHEET
 from lrf3d.world.model import UNITS as LENGTHS
 
@@ -28,8 +25,8 @@ LONGEST = 15.0
 # Geometric mean of the wall length and the extent of most plans [m].
 USUAL_SIDE = 7.0
 
-# Width [m] that at least one room of a building has.
-NARROWEST = 0.8
+# Least and largest extent of most buildings [m].
+USUAL_EXTENT = (10.0, 200.0)
 
 # Units of drawings [m]; no building is drawn in kilometres.
 UNITS = {"metres": 1.0, **{name: size for size, name in LENGTHS.items() if size < 1.0}}
@@ -37,11 +34,15 @@ UNITS = {"metres": 1.0, **{name: size for size, name in LENGTHS.items() if size 
 # Usual scales of sheets: 1 to each of these.
 SHEETS = (20, 25, 50, 75, 100, 125, 150, 200, 250, 500, 1000)
 
-# Matches a scale of a sheet, such as 1:125.
-RATIO = re.compile(r"(?<![\d.:/])1\s?[:/]\s?(\d{1,4})(?![\d.:/])")
+# Matches a scale of a sheet, such as 1:125, but no fraction of an inch.
+RATIO = re.compile(
+    r"""(?<![\d.:/])1\s?(?!/\s?\d+\s?(?:["″”]|''|in(?:ch|\.?\s?=)))[:/]\s?(\d{1,4})(?![\d.:/])"""
+)
 
 # Matches a scale in inches per foot, such as 1/4" = 1'-0".
-INCHES = re.compile(r"""(?<![\d/.])(?<!\d[ -])(\d+)(?:/(\d+))?\s?["″”]\s?=\s?(\d+)\s?['′’]""")
+INCHES = re.compile(
+    r"""(?<![\d/.])(?<![\d'′’][ -])([1-9]\d{0,3})(?:/(\d{1,4}))?\s?["″”]\s?=\s?(\d{1,4})\s?['′’]"""
+)
 
 
 def sheet_scales(texts: str, scale: float = 1.0) -> dict[float, str]:
@@ -51,13 +52,13 @@ def sheet_scales(texts: str, scale: float = 1.0) -> dict[float, str]:
 
     >>> sheet_scales("Plan 1:125"), len(sheet_scales(""))
     ({125.0: 'as 1:125 on the sheet'}, 11)
-    >>> sheet_scales("1/4\u2033 = 1\u2032-0\u2033")
-    {48.0: 'as 1/4″ = 1′ on the sheet'}
+    >>> sheet_scales("1/8\u2033 = 1\u2032-0\u2033; a door of 3\u2032-0\u2033 = 1\u2032")
+    {96.0: 'as 1/8″ = 1′ on the sheet'}
     """
     written = {float(n): f"1:{n}" for n in RATIO.findall(texts)}
     for inches in INCHES.finditer(texts):
         paper, parts, feet = (int(each or 1) for each in inches.groups())
-        written[12.0 * feet * parts / max(paper, 1)] = inches[0]
+        written[12.0 * feet * parts / paper] = inches[0]
     named = {size / scale: f"as {text} on the sheet" for size, text in written.items() if size > 4}
     return named or {number / scale: f"if it is 1:{number}" for number in SHEETS}
 
@@ -86,37 +87,34 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> tuple[tuple[Note, ...], dict
     # A single long line does not make a large plan.
     weights = np.repeat(long, 2)
     size = np.array([_quantile(x, weights, 0.98) - _quantile(x, weights, 0.02) for x in points.T])
-    if size.max() >= SHEET and usual <= LONGEST and not _is_model(strokes):
+    extent = float(size.max())
+    if extent >= SHEET and usual <= LONGEST:
         return (), {}
-    others = [each for each in canvas.scales if each != 1.0]
-    large = [each for each in others if EXTENT[0] <= each * size.max() <= EXTENT[1]]
+    large = [each for each in canvas.scales if EXTENT[0] <= each * extent <= EXTENT[1]]
     # A hall may have longer walls than any other plan.
     fits = [each for each in large if each * usual <= LONGEST] or large
     doors = [_doors(strokes, factor) for factor in fits]
     most = max(doors, default=0)
     chosen = [each for each, count in zip(fits, doors, strict=True) if count == most]
-    # Without doors, go by the walls and the extent: furniture makes many short lines.
-    side = float(np.sqrt(usual * size.max()))
-    chosen.sort(key=lambda factor: abs(np.log(factor * side / USUAL_SIDE)))
+    # Without doors, go by the walls; the second also by the extent: furniture is of short lines.
+    side = float(np.sqrt(usual * extent))
+    second = sorted(chosen, key=lambda factor: abs(np.log(factor * side / USUAL_SIDE)))[:1]
+    chosen.sort(
+        key=lambda factor: (
+            abs(np.log(factor * usual / 4.0))
+            + abs(np.log(factor * extent / np.clip(factor * extent, *USUAL_EXTENT)))
+        )
+    )
+    likely = [*dict.fromkeys(chosen[:1] + second + chosen)]
     wide, high = np.ptp(points, axis=0)
     wider = f", {counted(most, 'door')} of usual width" if most else ""
     scales = {
         f"{canvas.scales[each]} ({metres(each * wide)} by {metres(each * high)}{wider})": each
-        for each in chosen[:3]
+        for each in likely[:3]
     }
     ways = [f"--scale {canvas.scale * factor:g} {words}" for words, factor in scales.items()]
     found = f"a plan of {metres(wide)} by {metres(high)}, with walls of {metres(usual)}?"
     return (Note(found, "; ".join(ways) or "--scale corrects it"),), scales
-
-
-def _is_model(strokes: Strokes) -> bool:
-    """Whether what stands closes rooms, nearly all too narrow for people."""
-    walls = strokes.segments[strokes.remaining]
-    if len(walls) <= FEW:
-        return False
-    dark, metre = drawn_cells(walls)
-    small = extent_of(dark) < MODEL * metre
-    return small and closed_share(dark) > LEAST_CLOSED > closed_share(dark, NARROWEST * metre)
 
 
 def metres(length: float) -> str:

@@ -8,6 +8,9 @@ from lrf3d import InputError, LaserRangeFinder, LaserScan, Pose
 
 @given(st.floats(-10, 10))
 def test_directions_are_unit_vectors_that_turn_with_the_pose(theta):
+    # Limits of any type of numbers.
+    lrf = LaserRangeFinder(angle_max=np.float32(0.5), beams=7)
+    assert lrf.angles.dtype == np.float64
     beams = LaserRangeFinder(beams=7).directions((3.0, -4.0, theta))
     assert beams.dtype == np.float64 and beams.shape == (7, 2)
     assert np.hypot(*beams.T) == pytest.approx(np.ones(7))

@@ -177,11 +177,11 @@ def test_a_hall_in_an_unknown_unit_gets_the_scales_that_make_it_a_building(tmp_p
     )
 
 
-def test_rooms_too_narrow_for_people_show_a_wrong_unit(tmp_path):
-    walls = 100.0 * row_of_rooms(8, open_=7)
+def test_a_long_building_is_not_taken_for_a_house(tmp_path):
+    walls = row_of_rooms(15, open_=14)
     dxf(tmp_path, lambda space: [space.add_line(each[:2], each[2:]) for each in walls], 4)
     doubt = str(read_plan(tmp_path / "a.dxf").doubts[-1])
-    assert "a plan of 3.2 m by 0.4 m" in doubt and "--scale 10 if it is in centimetres" in doubt
+    assert "?; --scale 1000 if it is in metres (60 m by 4 m); " in doubt
 
 
 def test_furniture_does_not_make_a_sheet_larger_than_a_house(tmp_path):

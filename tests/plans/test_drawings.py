@@ -154,7 +154,9 @@ def test_curves_blocks_and_layers_of_a_dxf_drawing(tmp_path):
         block = space.doc.blocks.new("chair")
         space.doc.blocks.new("seat").add_line((0, 0), (1, 0))
         block.add_blockref("seat", (0, 0))
-        space.add_blockref("chair", (50, 50), dxfattribs={"xscale": 2, "rotation": 90, "zscale": 0})
+        chair = space.add_blockref("chair", (50, 50), dxfattribs={"xscale": 2, "rotation": 90})
+        # Programs without heights write 0, which ezdxf would not.
+        chair.dxf.__dict__["zscale"] = 0.0
         space.doc.layers.add("hidden").off()
         space.add_line((0, 0), (99, 99), dxfattribs={"layer": "hidden"})
         space.add_text("a room")

@@ -14,6 +14,7 @@ from lrf3d.studio.scene.found import (
     false_after,
     false_words,
     found_after,
+    has_false_walls,
     hits_on,
     lost_after,
     visible_to,
@@ -122,7 +123,7 @@ class MapBeside:
         run: Any = self._scene.run
         own = [*self._colours[:1]] or [*filter(None, self._scene.team.values())]
         segments = [(NAMED, _ink(tint)) for tint in own or look.found_colours(_SHARES)]
-        seen = ("■", tuple(2 * part for part in _ink(look.EXPLORED)))
+        seen = ("■", _ink(look.EXPLORED))
         robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not self._colours)
         long = round(self.window.bar / self.window.width * self.size[0])
         scale = Image.new("RGB", (self.size[0], round(LINE * self._letter)), look.PLAN_BACK)
@@ -130,10 +131,9 @@ class MapBeside:
         scale.paste(PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
         words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
-        order = "walls in the map" if own else "walls, by time"
+        order = "walls in the map" if own else "walls, early to late"
         walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
-        may_be_false = self._scene.structures.mirrors.any() or run.obstacles
-        if may_be_false and (self._among_robots or not self._colours):
+        if (self._among_robots or not self._colours) and has_false_walls(run):
             walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
         return [
             *walls * bool(len(run.maps)),

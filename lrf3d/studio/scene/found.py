@@ -88,6 +88,12 @@ def false_after(run: Run, scan: int) -> int:
     return false_walls(run, number)[0] if number >= 0 and len(visible_to(run)[0]) else 0
 
 
+def has_false_walls(run: Run) -> bool:
+    """Whether any of the maps of a run that are scored has false walls."""
+    scored = range(0, len(run.maps), 1 + len(run.maps) // _SCORED)
+    return run.knows_truth and any(false_walls(run, number)[0] for number in scored)
+
+
 def false_walls(run: Shown, number: int) -> tuple[int, Float]:
     """How many walls a map of a run has where there is none, and where their pieces lie (n, 2)."""
     return _FALSE.of((run, number), partial(_false, run, number))

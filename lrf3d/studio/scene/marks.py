@@ -195,7 +195,7 @@ class DrawnMap:
     ) -> "DrawnMap":
         """Take a map snapshot of a run; −1 is the empty map before the first.
 
-        All may have one colour, but for walls that mirrors and what moves add, which are red.
+        All may have one colour, but for false walls, which are red.
         """
         if number < 0:
             return cls(look.NOTHING, look.NOTHING[:, :3])
@@ -209,7 +209,7 @@ class DrawnMap:
             # What was found at once has one colour, half-way between what is earlier and later.
             ranks = np.searchsorted(order, times) + np.searchsorted(order, times, "right")
             colours = look.found_colours(0.5 * ranks / max(1, len(order)))
-        if structures.mirrors.any() or (run.obstacles and run.knows_truth):
+        if run.knows_truth:
             # A wall may go on into its reflection, or to where a robot was.
             drawn, owner, false = false_pieces(drawn, structures.tree)
             colours = colours[owner]

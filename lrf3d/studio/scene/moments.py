@@ -90,6 +90,9 @@ _RIBBON = 0.004
 # Diameter of a point of the inset [m], at least and at most [pixels of 720 lines].
 _SPOT = 0.1, (6.0, 12.0)
 
+# Diameter of the end of a beam that tells what the film is about, likewise.
+_FLARE = 0.15, (9.0, 16.0)
+
 # Number of points of a lidar's scan.
 _CLOUD_POINTS = 4000
 
@@ -367,7 +370,7 @@ class Scene:
             points = points._replace(places=places)
         return lines, points, light
 
-    def _telling_beams(self, moment: Moment, shot: str) -> Iterator[tuple[str, str, Lines | None]]:
+    def _telling_beams(self, moment: Moment, shot: str) -> Iterator[tuple[str, str, Mark | None]]:
         """Beams at glass and reflectors, and one that a mirror turns; by hand, all are equal."""
         if self.live or not moment.scanning:
             return
@@ -376,6 +379,7 @@ class Scene:
         for number, beams in enumerate(told):
             lines = some_beams(apex, beams, self.origin, self._height)
             yield "beams", f"telling beams {number}", lines
+            yield "points", f"flares {number}", _spots(lines.ends, beams.colour, _FLARE)
         aim = subject_of(self.run, self.timeline.playback).aim_at(moment.time)
         if aim is not None:
             scan = unrolled(self.run.scans_at(moment.scan)[0])
@@ -454,10 +458,7 @@ class Scene:
     def spots(self, places: Float) -> Points:
         """Places in the world (n, 2) as points of the inset."""
         level = np.insert(places - self.origin, 2, 0.0, axis=1)
-        colours = np.tile([*look.EMBER, 1.0], (len(level), 1))
-        return Points(
-            single(level), single(colours), single(0.0 * level[:, :2]), *_SPOT, glows=False
-        )
+        return _spots(level, look.EMBER, _SPOT)._replace(glows=False)
 
     def inset_view(self, *shape: float, turns: bool = False, compared: bool = False) -> InsetView:
         """What the inset shows: the whole world or, in a large one, what is around the robot.
@@ -470,6 +471,12 @@ class Scene:
         if subject and subject.aim is not None:
             places.append(subject.places - self.origin)
         return InsetView.of(np.concatenate(places), *shape, turns=turns)
+
+
+def _spots(places: Any, colour: look.Colour, diameter: tuple[float, tuple[float, float]]) -> Points:
+    """Places (n, 3) as points of one colour."""
+    colours = np.tile([*colour, 1.0], (len(places), 1))
+    return Points(single(places), single(colours), single(0.0 * places[:, :2]), *diameter)
 
 
 class _Snapshot(NamedTuple):

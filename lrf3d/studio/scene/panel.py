@@ -204,7 +204,7 @@ def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[s
     found = [(f"━ {each.words}", each.colour) for each in beams]
     if subject_of(run, playback).aim_at(moment.time) is not None:
         found.append(("━ a beam that the mirror turns", TURNED_COLOUR))
-        found.append(("━ where the laser takes it to go", look.FALSE_COLOUR))
+        found.append(("━ where the laser thinks it goes", look.FALSE_COLOUR))
     return found
 
 

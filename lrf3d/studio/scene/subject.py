@@ -31,7 +31,7 @@ TITLE_TIME = 3.0
 # Number of maps or scans that are searched, at most.
 _COMPARED = 120
 
-# Times around the moment at which robots meet [s].
+# Times around the moment at which a robot sees another [s].
 _AROUND = np.array([-1.0, 0.0, 1.0])
 
 # Shots that show the whole.
@@ -149,7 +149,7 @@ def _robots(run: Shown, since: float) -> Subject | None:
         "To a laser, another robot is a wall",
         entered,
         np.vstack([_nearest(run, scans[first], false[first]), nearest]),
-        "Here two robots meet",
+        "Here two robots see each other",
         entered,
         "The red wall is only the other robot",
     )
