@@ -137,7 +137,8 @@ def _pictures(
         robots = {f"robot {number}": each for number, each in enumerate(runs[:_MAPPED], 1)}
         beside = {"maps": robots}
     elif len(runs) > 1:
-        levels = [f"laser noise {100.0 * level:g} cm" for level in args.sigma or scenario.sigmas]
+        reach = f"{scenario.lrf.range_max:g} m"
+        levels = [f"noise {100 * level:g} cm at {reach}" for level in args.sigma or scenario.sigmas]
         beside["columns"] = dict(zip(levels, runs, strict=True))
         beside["title"] = "The same drive; only the laser's noise differs"
     seen = {"scan": shown.scan(0), "route": scenario.route, "poses": scenario.poses}

@@ -7,6 +7,7 @@ decisions are saved before the page is answered.
 import io
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -207,7 +208,10 @@ class Editor:
         radius = self._radius or fitting_radius(ground, None, start)
         bare, rooms, numbers = bare_rooms(scenario.world)
         space = find_free_space(ground, radius, start=start)
-        shut = "no door leads in, or it is shut or blocked"
+        shut = {
+            "inside": "no door leads in, or it is shut or blocked",
+            "outside": "a wall is missing around the robot, or it starts outside",
+        }[space.side]
         why = {**dict.fromkeys(numbers.tolist(), shut), **_too_narrow(space, start, bare, rooms)}
         why |= dict.fromkeys(entered_rooms(space, bare, rooms).tolist(), "")
         label = np.zeros(rooms.max() + 1, np.uint8)
@@ -262,13 +266,14 @@ class Editor:
         return path
 
     def old_world(self) -> str:
-        """The name of the world file, if it is older than the decisions."""
+        """What to say of the world file if it is older than the decisions, or not written yet."""
         path = self.world_path()
-        files = path, self.journal
-        if not all(each.is_file() for each in files):
-            return ""
-        written, decided = (each.stat().st_mtime_ns for each in files)
-        return path.name if written < decided else ""
+        if self.empty and len(self.plan.segments) and not path.is_file():
+            return f"{path.name} is not written yet: Ctrl+S"
+        written, decided = (
+            each.stat().st_mtime_ns if each.is_file() else 0 for each in (path, self.journal)
+        )
+        return f"{path.name} is older than this: Ctrl+S" if 0 < written < decided else ""
 
     def save_world(self) -> Path:
         """Write a world file: the walls, the robot, and the dynamic obstacles."""
@@ -276,14 +281,19 @@ class Editor:
         world = self.scenario.world
         if not len(world.segments):
             raise InputError("there is no wall yet; draw one")
-        robot = self.edits.one(PlacedRobot)
-        values = {} if robot is None else robot.as_dict()
+        if self.empty:
+            # Doorways end at fractions of a millimetre.
+            world = replace(world, segments=np.round(world.segments, 4))
+        values = {} if (robot := self.edits.one(PlacedRobot)) is None else robot.as_dict()
         if "route" in values:
             values["goals"] = values.pop("route")
         if areas := [each.as_dict()["points"] for each in self.edits.all(KeepOut)]:
             values["keep_out"] = areas
-        blocks = [world_text(world)] + ([toml_table("[robot]", values)] if values else [])
-        blocks += [toml_table("[[obstacle]]", e.as_dict()) for e in self.edits.all(Obstacle)]
+        blocks = [
+            world_text(world),
+            *([toml_table("[robot]", values)] if values else []),
+            *(toml_table("[[obstacle]]", e.as_dict()) for e in self.edits.all(Obstacle)),
+        ]
         write_text(path, "\n".join(blocks))
         return path
 

@@ -45,7 +45,8 @@ def test_a_world_drawn_on_an_empty_sheet_is_kept_at_each_step_and_written(tmp_pa
     assert [room["why"] for room in header["rooms"]] == ["", ""]
     assert set(arrays["cells"].tolist()) == {0, 1}
     assert unpacked(editor.route())[0]["route"][-1] == pytest.approx([7, 4], abs=0.1)
-    assert not editor.old_world() and editor.save_world() == path and not editor.old_world()
+    assert editor.old_world() == "new.toml is not written yet: Ctrl+S"
+    assert editor.save_world() == path and not editor.old_world()
     scenario = load_scenario(path)
     assert scenario.start[:2] == (1.0, 1.0) and scenario.goals.tolist() == [[7, 4]]
     assert np.array_equal(scenario.world.segments, editor.scenario.world.segments)
@@ -72,6 +73,22 @@ def test_goals_and_rooms_that_are_not_reached_are_named_with_the_reason(tmp_path
     assert unpacked(editor.route())[0]["notes"] == []
     # An obstacle whose way is one place stands.
     assert np.ptp(editor.scenario.obstacles[0].path.at([0, 9]), axis=0).max() == 0.0
+
+
+def test_rooms_around_an_open_one_with_the_robot_lack_a_wall(tmp_path):
+    editor = Editor(tmp_path / "new.toml")
+    closed = [[[x, 0], [x + 4, 0], [x + 4, 5], [x, 5]] for x in (4, 8)]
+    walls = [{"points": points, "closed": True} for points in closed]
+    doors = [{"at": [x, 2.3577], "width": 0.6} for x in (4, 8)]
+    start = {"start": [1, 1, 0], "radius": 0.2}
+    editor.decide({
+        "wall": [*walls, {"points": [[4, 0], [0, 0], [0, 5]]}],
+        "doorway": doors,
+        "robot": start,
+    })  # fmt: skip
+    header, _ = unpacked(editor.rooms())
+    assert {room["why"][:17] for room in header["rooms"]} == {"a wall is missing"}
+    assert "2.0577]" in editor.save_world().read_text(), "to a tenth of a millimetre"
 
 
 def test_furniture_in_the_way_is_no_narrow_door(tmp_path):

@@ -34,13 +34,17 @@ const editor = {
     make(edits);
     if (!goesOn) this.past.push(before);
     this.future = [];
-    // Hints have been read; a choice stays.
-    if (part("notice").childElementCount < 2) part("notice").hidden = true;
     this.keep(edits, what);
   },
 
   keep(edits, what) {
     const { version, source, digest, ...decisions } = edits;
+    // Hints have been read; some choices stay.
+    if (!part("notice").dataset.stays) part("notice").hidden = true;
+    if (JSON.stringify(edits.scale) !== JSON.stringify(sheet.plan.edits.scale)) {
+      this.refit = true;
+      sheet.held = sheet.plan.edits;
+    }
     sheet.plan.edits = edits;
     Object.assign(sheet, { route: null, doubts: [] });
     for (const each of Object.values(tools)) Object.assign(each, { over: -1, one: null });
@@ -181,15 +185,22 @@ const editor = {
     sheet.stale();
   },
 
-  answer(metres) {
-    const { between } = this.question;
+  answer(metres, sure = false) {
+    const { between, metres: offered, doubted } = this.question;
+    const says = (text) => (part("ask").querySelector("p").textContent = text);
+    if (!(metres > 0 && metres < Infinity)) return says("a length in metres, such as 0.9");
+    const factor = metres / apart(between) / sheet.plan.unit;
+    const door = doorOf(offered, factor, metres);
+    // A length that is given twice is meant.
+    if (!sure && metres !== doubted && !usual(door)) {
+      const likely = [0.01, 0.001, 100, 1000].find((each) => usual(each * door));
+      this.question.doubted = metres;
+      says(`${offered ? "A door" : "Doors"} of ${Number(door.toPrecision(3))} m?`);
+      return Object.assign(part("ask").querySelector("input"), { value: Number(((likely ?? 1) * metres).toPrecision(4)) }).select();
+    }
     part("ask").hidden = true;
     part("top").focus();
     this.question = null;
-    if (!(metres > 0)) return;
-    const factor = metres / apart(between) / sheet.plan.unit;
-    this.refit = true;
-    sheet.held = sheet.plan.edits;
     this.change("the scale set", (edits) => {
       rescale(edits, factor);
       edits.scale = { between, metres };
@@ -208,7 +219,16 @@ const escaped = (name) => name.replace(/[[*?]/g, "[$&]");
 const send = (values) => socket.send(JSON.stringify(values));
 const note = (text) => (part("note").textContent = text);
 const rounded = (point) => point.map((each) => Math.round(1e4 * each) / 1e4);
+// Doors are about as wide as this [m].
+const usual = (width) => width >= 0.5 && width <= 2;
 const apart = ([[x1, y1], [x2, y2]]) => Math.hypot(x2 - x1, y2 - y1);
+// The width of the door that is asked about, or of most doors of the plan, if it grows by a factor [m]; without any, that of a usual one.
+function doorOf(suggested, factor, metres) {
+  if (suggested) return metres;
+  const widths = [...sheet.plan.doors, ...sheet.plan.gaps].map(apart).sort((a, b) => a - b);
+  return widths.length ? factor * widths[widths.length >> 1] : 0.9;
+}
+
 // The classes with new ones of some selectors, instead of those that were there.
 function reclassed(before = [], selects, as) {
   const names = selects.map((select) => JSON.stringify(select));
@@ -291,6 +311,7 @@ function remember({ name, edits }, first) {
 const TAKE = {
   plan(header, { layers, rules, colours, ...arrays }) {
     const first = !sheet.plan;
+    const unit = sheet.plan?.unit;
     if (editor.pending) editor.pending -= 1;
     // What was decided meanwhile is newer than this answer.
     if (editor.pending) header.edits = sheet.plan.edits;
@@ -298,21 +319,22 @@ const TAKE = {
     if (editor.picked?.rows && sheet.plan?.kinds.length !== arrays.kinds.length) editor.picked = null;
     Object.assign(sheet, { route: null, doubts: [], held: null });
     sheet.take(header, { ...arrays, layersOf: layers, rulesOf: rules, coloursOf: colours });
-    if (first || editor.refit) sheet.fit();
+    if (first || editor.refit || unit !== header.unit) sheet.fit();
     remember(header, first);
     const [x1, y1, x2, y2] = header.bounds;
     const size = `${(x2 - x1).toFixed(1)} × ${(y2 - y1).toFixed(1)} m`;
     if (editor.refit) sheet.rooms = null;
+    const asks = first || (editor.refit && !header.edits.scale && !header.scaled);
     if (editor.refit && header.edits.scale) {
       const { text, offers } = header.check;
       notice(`At this scale: ${size}${text && `, with ${text}`}.${offers.length ? " If that is wrong:" : ""}`, offers.map(([words, factor]) => [words, () => scaled(header, factor)]));
-    }
+    } else if (editor.refit) part("notice").hidden = true;
     editor.refit = false;
     part("title").textContent = `lrf3d edit ${header.name}`;
     document.title = `${header.name} — lrf3d edit`;
     part("size").textContent = !arrays.kinds.length ? "" : `${size}${header.scaled ? "" : ", not to scale yet"}`;
     part("saved").textContent = editor.pending ? `${editor.what} …` : editor.what ? `${editor.what}, saved` : header.edits.digest || header.edits.wall ? "changes saved" : "";
-    part("old").textContent = header.old && `${header.old} is older than this`;
+    part("old").textContent = header.old;
     part("map-only").hidden = !header.rosMap;
     const grey = header.edits.reading?.threshold ?? (header.grey && Math.round(header.grey));
     part("picture").hidden = !grey;
@@ -322,7 +344,7 @@ const TAKE = {
     if (first && header.sheet) loadPicture();
     showLists();
     showPicked();
-    if (first) firstQuestion(header, arrays.kinds.length);
+    if (asks) firstQuestion(header, arrays.kinds.length);
     part("failure")?.remove();
     buttons();
   },
@@ -429,12 +451,14 @@ function scaled({ bounds, unit }, factor) {
   const [x1, y1, x2] = bounds;
   const across = x2 - x1 || 1;
   editor.question = { between: [[x1 / unit, y1 / unit], [(x1 + across) / unit, y1 / unit]] };
-  editor.answer(factor * across);
+  editor.answer(factor * across, true);
 }
 
-function notice(text, choices = []) {
+// What is not about the decisions of now stays when these change.
+function notice(text, choices = [], stays = choices.length > 0) {
   const card = part("notice");
   card.textContent = text;
+  card.dataset.stays = stays ? "yes" : "";
   for (const [textContent, act] of choices) {
     const onclick = () => {
       card.hidden = true;
@@ -615,9 +639,13 @@ function described(row) {
 
 // Controls -----------------------------------------------------------------------------------------
 
+// The pointer is not on the sheet: a tool shows nothing there.
+const NOWHERE = { now: null, over: -1, one: null };
+
 function choose(name) {
   tool.leave?.();
   tool = tools[name];
+  Object.assign(tool, NOWHERE);
   tool.start?.();
   if (name !== "select") editor.pick(null);
   for (const button of document.querySelectorAll("[data-tool]")) button.setAttribute("aria-pressed", button.dataset.tool === name);
@@ -658,8 +686,10 @@ const ACTIONS = {
   world: () => save("world"),
   map: () => save("map"),
   drive() {
-    const missed = sheet.doubts.map((why, place) => why && `goal ${place + 1}: ${why}`).filter(Boolean);
-    if (missed.length) notice(`${missed.join("; ")}. Drive anyway?`, [["Drive", film]]);
+    const { scaled, kinds } = sheet.plan;
+    if (!kinds.length) return notice("there is no wall yet; draw one");
+    const missed = [!scaled && "the plan is not to scale yet", ...sheet.doubts.map((why, place) => why && `goal ${place + 1}: ${why}`)].filter(Boolean);
+    if (missed.length) notice(`${missed.join("; ")}. Drive anyway?`, [["Drive", film]], false);
     else film();
   },
   other() {
@@ -675,6 +705,8 @@ const ACTIONS = {
   later() {
     part("ask").hidden = true;
     editor.question = null;
+    tools.scale.start();
+    part("top").focus();
     sheet.stale();
   },
 };
@@ -726,6 +758,13 @@ function connect() {
     pressed = false;
     sheet.stale();
   };
+  top.onpointerleave = () => {
+    if (pressed || pan) return;
+    Object.assign(tool, NOWHERE);
+    if (tool === tools.robot) editor.endScan();
+    if (tool.says || tool === tools.robot) part("over").textContent = tool.hint;
+    sheet.stale();
+  };
   top.oncontextmenu = () => false;
   // A press would take the focus from what a tool asks.
   top.onmousedown = (event) => event.preventDefault();
@@ -738,6 +777,12 @@ function connect() {
   };
   document.onkeydown = (event) => {
     const { code, key, ctrlKey, metaKey, shiftKey, target } = event;
+    if ((ctrlKey || metaKey) && code === "KeyS") {
+      event.preventDefault();
+      if (target.matches("input")) target.blur();
+      return ACTIONS.world();
+    }
+    if (key === "Escape" && editor.question) return ACTIONS.later();
     // A text has steps of its own to undo, a slider or a box has none.
     if (target.matches("input:not([type=range], [type=checkbox])")) return;
     if ((ctrlKey || metaKey) && ["KeyZ", "KeyY"].includes(code)) code === "KeyY" || shiftKey ? editor.redo() : editor.undo();
@@ -803,5 +848,5 @@ socket.onmessage = ({ data }) => {
   const [header, arrays] = unpacked(data);
   TAKE[header.kind](header, arrays);
 };
-socket.onclose = () => notice("The server has ended; all that was decided is kept.");
+socket.onclose = () => notice("The server has ended; all that was decided is kept.", [], true);
 window.editor = editor;

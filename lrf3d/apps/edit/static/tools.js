@@ -51,10 +51,10 @@ export class Finder {
     return best;
   }
 
-  // The nearest point of the grid: decimetres, centimetres where those are wide.
-  onGrid(point) {
+  // The nearest point of the grid: decimetres, centimetres where those are wide, metres or what is given where they are narrow.
+  onGrid(point, coarse = 1) {
     const { plan, view } = this.sheet;
-    const step = view.scale > 250 ? 0.01 : view.scale > 20 ? 0.1 : 1;
+    const step = view.scale > 250 ? 0.01 : view.scale > 20 ? 0.1 : coarse;
     return plan.scaled ? point.map((each) => Math.round(each / step) * step) : point;
   }
 
@@ -268,7 +268,7 @@ export function makeTools(editor) {
       else if (key === "Backspace") this.typed ? (this.typed = this.typed.slice(0, -1)) : this.points.pop();
       else if (this.points.length && /^[\d.,]$/.test(key)) this.typed += key.replace(",", ".");
       else return false;
-      if (this.event) this.now = this.at(this.event);
+      if (this.event && (this.now || this.typed)) this.now = this.at(this.event);
       return true;
     },
     finish(closed) {
@@ -278,9 +278,9 @@ export function makeTools(editor) {
     },
     draw(context) {
       const { points, now } = this;
-      if (!now) return;
-      const line = [...points, now.point];
+      const line = [...points, ...(now ? [now.point] : [])];
       sheet.line(context, line, { colour: "#f07c14", width: 2.5, closed: closes && points.length > 1 });
+      if (!now) return;
       sheet.dot(context, now.point, now.to ? "#37a350" : "#f07c14", 4.5);
       if (!points.length) return;
       const long = away(points.at(-1), now.point);
@@ -350,7 +350,10 @@ export function makeTools(editor) {
   return {
     select: {
       cursor: "default",
-      hint: "click what was understood wrongly, or drag around it; then say what it is; robot, goals and ends of walls can be dragged",
+      get hint() {
+        const what = sheet.plan?.empty ? "click a wall to change it" : "click what was understood wrongly, or drag around it; then say what it is";
+        return `${what}; robot, goals and ends of walls can be dragged`;
+      },
       exists,
       named,
       drop: deleteDecided,
@@ -468,7 +471,7 @@ export function makeTools(editor) {
     },
     room: {
       cursor: "crosshair",
-      hint: "drag from corner to corner, or click two; digits set its width, and after Tab its height",
+      hint: "drag from corner to corner, or click two; digits set its width, Tab, then its depth",
       ...rectangle("a room", () => editor.style),
     },
     box: {
@@ -490,7 +493,8 @@ export function makeTools(editor) {
         if (row < 0) return;
         const [one, two] = finder.ends(row);
         const long = away(one, two) || 1;
-        this.now = { at: foot(event.point, one, two), way: [(two[0] - one[0]) / long, (two[1] - one[1]) / long] };
+        const near = event.altKey ? event.point : finder.onGrid(event.point, 0.1);
+        this.now = { at: foot(near, one, two), way: [(two[0] - one[0]) / long, (two[1] - one[1]) / long] };
       },
       down(event) {
         this.move(event);
@@ -559,7 +563,7 @@ export function makeTools(editor) {
         editor.endScan();
       },
       down(event) {
-        this.from = event.point;
+        this.from = event.altKey ? event.point : finder.onGrid(event.point, 0.1);
       },
       move(event) {
         if (this.from && away(this.from, event.point) * sheet.view.scale > 6) {
@@ -598,7 +602,7 @@ export function makeTools(editor) {
     },
     obstacle: {
       cursor: "crosshair",
-      hint: "click where it stands and press Enter, or click all of its way there and back",
+      hint: "click where it stands and press Enter, or click the points of its way, then Enter; it goes there and back",
       ...polyline((edits, points) => (edits.obstacle ??= []).push(points.length > 1 ? { route: points, ...editor.obstacle } : { route: [points[0], points[0]], radius: editor.obstacle.radius }), 1, false, "an obstacle", { alone: "Enter: it stands here" }),
     },
   };

@@ -44,6 +44,7 @@ const ACTIONS = {
   next: () => choose(views[(views.indexOf(view) + 1) % views.length]),
   full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
   list: () => (part("keys").hidden = !part("keys").hidden),
+  close: () => (part("keys").hidden = true),
   figures: () => document.body.classList.toggle("lrf3d-numbers"),
   picture() {
     scene.render();
@@ -55,7 +56,7 @@ const ACTIONS = {
   },
 };
 const KEYS = {
-  KeyV: "next", KeyF: "full", KeyP: "picture", KeyH: "list", KeyN: "figures",
+  KeyV: "next", KeyF: "full", KeyP: "picture", KeyH: "list", KeyN: "figures", Escape: "close",
   ...(plays && { Space: "play", ArrowLeft: "rewind", ArrowRight: "skip", Home: "begin", End: "end" }),
 };
 const PADS = {
