@@ -10,6 +10,7 @@ import runpy
 import shlex
 import sys
 import tomllib
+import warnings
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from io import StringIO
@@ -26,6 +27,7 @@ from benchmarks.__main__ import PARTS, bench
 from benchmarks.report import program
 from lrf3d import load_run, load_scenario
 from lrf3d.apps.cli.parser import parse
+from lrf3d.base.errors import Lrf3dWarning
 from lrf3d.recordings.formats.trajectory import save_tum
 from stress import command as stress
 
@@ -129,7 +131,9 @@ class Workshop:
             if snippet.language == "python":
                 # As many empty lines go before as makes an error name its line of the page.
                 code = "\n" * snippet.line + snippet.code
-                with redirect_stdout(StringIO()) as said:
+                with redirect_stdout(StringIO()) as said, warnings.catch_warnings():
+                    # Where drives are as short as these is known poorly.
+                    warnings.simplefilter("ignore", Lrf3dWarning)
                     exec(compile(code, str(page), "exec"), names)
                 printed.append(said.getvalue())
             elif snippet.language == "toml":
