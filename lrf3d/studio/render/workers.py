@@ -149,9 +149,9 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
         for film in films:
             # All are seen from one place.
             film.camera = films[0].camera
-        for each in [each for film in films for each in film.maps]:
-            # All come close to one wall.
-            each.close = job.close
+            for each in film.maps:
+                # All come close to one wall.
+                each.close = job.close
         for time in job.times[int(number) :: int(count)].tolist():
             picture = np.hstack([film.draw(time) for film in films])
             heading = job.headings[int(time >= films[0].run.trajectory.times.max())]
