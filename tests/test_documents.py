@@ -118,6 +118,15 @@ def test_the_readme_does_what_it_says(workshop):
     assert len(lrf3d.load_map("map.geojson")) > 200
 
 
+@pytest.mark.slow
+def test_the_pictures_of_the_readme_are_of_moments_of_their_film():
+    run = lrf3d.load_scenario("city").run(rng=0)
+    moments = re.findall(r"render out/city --at (\d+)", README.read_text(encoding="utf-8"))
+    assert moments
+    for moment in moments:
+        run.frame(float(moment), size=(64, 36))
+
+
 def test_every_picture_shows_in_a_clone():
     pages = [README, *(ROOT / "docs").rglob("*.md")]
     linked = [

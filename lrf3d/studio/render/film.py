@@ -304,11 +304,11 @@ def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     timeline = Timeline(run, playback=chosen.playback)
     # The pictures of the opening and the end can be drawn, too.
     before, after = (timeline.playback * margin for margin in margins(str(chosen.view)))
+    first = timeline.start - before
+    last = timeline.end + after
     # Checked before anything is painted, which takes seconds.
-    if not timeline.start - before - SLACK <= time <= timeline.end + after + SLACK:
-        raise InputError(
-            f"time {time:g} s: the run goes from {timeline.start:g} to {timeline.end:g} s"
-        )
+    if not first - SLACK <= time <= last + SLACK:
+        raise InputError(f"time {time:g} s: pictures go from {first:g} to {last:g} s")
     return np.array(_film(run, chosen).draw(time))
 
 
