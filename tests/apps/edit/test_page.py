@@ -107,6 +107,8 @@ def test_what_is_named_under_the_mouse_is_what_is_selected_and_erased(tmp_path, 
         until(lambda: "4.00 m: mirror" in page.inner_text(".lrf3d-over"))
         click(page, 8, 3)
         assert walls(1) == [room], "the wall behind it stays"
+        # The mouse does not move: what is under it is named once it is another.
+        until(lambda: page.inner_text(".lrf3d-over") == "one side, 4.00 m: wall (drawn)")
     with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
         until(lambda: page.inner_text(".lrf3d-rooms") == "1 room, 1 reached")
         assert page.locator(".lrf3d-ask").is_hidden()

@@ -340,7 +340,7 @@ const TAKE = {
     part("picture").hidden = !grey;
     if (grey && !part("threshold").matches(":active")) part("threshold").value = part("grey").textContent = grey;
     tell();
-    part("over").textContent = tool.hint;
+    showOver();
     if (first && header.sheet) loadPicture();
     showLists();
     showPicked();
@@ -641,6 +641,14 @@ function described(row) {
 
 // The pointer is not on the sheet: a tool shows nothing there.
 const NOWHERE = { now: null, over: -1, one: null };
+let rests = null; // Where the pointer rests on the sheet, when no button is pressed.
+
+// What is under the pointer, in words: a plan that came just now may have changed it.
+function showOver() {
+  const looks = rests && tool.says;
+  if (looks) tool.move({ ...rests, point: sheet.toPlan(rests.at) });
+  part("over").textContent = (looks && tool.says()) || tool.hint;
+}
 
 function choose(name) {
   tool.leave?.();
@@ -732,6 +740,7 @@ function connect() {
     top.setPointerCapture(event.pointerId);
     top.focus();
     const where = placed(event);
+    rests = null;
     if (space || event.button === 1 || event.button === 2) pan = where.at;
     else if (event.button === 0) {
       pressed = true;
@@ -748,18 +757,21 @@ function connect() {
       pan = where.at;
       return;
     }
-    tool.move?.(where);
-    if (tool.says && !pressed) part("over").textContent = tool.says() || tool.hint;
+    rests = pressed ? null : where;
+    if (rests && tool.says) showOver();
+    else tool.move?.(where);
     sheet.stale();
   };
   top.onpointerup = (event) => {
     if (pan) pan = null;
     else if (pressed) tool.up?.(placed(event));
     pressed = false;
+    rests = placed(event);
     sheet.stale();
   };
   top.onpointerleave = () => {
     if (pressed || pan) return;
+    rests = null;
     Object.assign(tool, NOWHERE);
     if (tool === tools.robot) editor.endScan();
     if (tool.says || tool === tools.robot) part("over").textContent = tool.hint;
