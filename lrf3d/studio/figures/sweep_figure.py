@@ -9,16 +9,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from lrf3d.geometry.lines import ROUNDING
 from lrf3d.studio.figures.sheet import (
+    DOT,
     FAINT,
     INK,
+    LINE,
     MODE_COLOURS,
     add_legend,
     quiet,
     save_figure,
     sheet,
 )
-from lrf3d.studio.scene.look import TINY
 
 # What the panels show: a measure, its name, and what its values are multiplied by.
 PANELS = (
@@ -99,7 +101,7 @@ def _draw_curves(
         axes.fill_between(x, low, high, color=colour, alpha=0.16, lw=0)
         style = STYLES[chosen.index(choice) % len(STYLES)]
         label = ", ".join(filter(None, (mapper, choice)))
-        axes.plot(x, mean, style, color=colour, marker="o", ms=4, label=label)
+        axes.plot(x, mean, style, color=colour, marker="o", ms=DOT, label=label)
 
 
 def _scales(axes: Axes, values: Sequence[float], measure: str) -> None:
@@ -116,5 +118,5 @@ def _scales(axes: Axes, values: Sequence[float], measure: str) -> None:
         axes.set_ylim(min(-0.02, axes.get_ylim()[0]), 1.03)
         return
     if measure.endswith("_ratio"):
-        axes.axhline(1.0, color=FAINT, lw=1.0, ls=(0, (4, 3)), zorder=2)
-    axes.set_ylim(0.0, max(HEADROOM * axes.get_ylim()[1], TINY))
+        axes.axhline(1.0, color=FAINT, lw=LINE, ls="dashed", zorder=2)
+    axes.set_ylim(0.0, max(HEADROOM * axes.get_ylim()[1], ROUNDING))
