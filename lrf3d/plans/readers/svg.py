@@ -104,10 +104,7 @@ class State(NamedTuple):
 
 def draw(path: Path, scale: float | PerUnit) -> Canvas:
     """The marks of an SVG drawing, enlarged by a scale."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise WorldError(f"not XML: {error}") from None
+    root = ElementTree.parse(path).getroot()
     if _tag(root) != "svg":
         raise WorldError(f"<{_tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
