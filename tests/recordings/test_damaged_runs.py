@@ -8,6 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 from numpy.lib import format as npy
+from stops import Stop, stopping
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, World
@@ -121,14 +122,6 @@ def test_a_finished_run_that_is_damaged_is_recorded_again(run_file):
     assert run_file.read_bytes() == whole
 
 
-def stop_after(count):
-    def progress(done, total):
-        if done == count:
-            raise KeyboardInterrupt
-
-    return progress
-
-
 def farther(scan, rng):
     return lrf3d.LaserScan(scan.pose, scan.angles, scan.ranges + 0.5, range_max=scan.range_max)
 
@@ -141,8 +134,8 @@ def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path):
         simulation.film = film
         return simulation
 
-    with pytest.raises(KeyboardInterrupt):
-        lrf3d.record(made(), path, progress=stop_after(2))
+    with pytest.raises(Stop):
+        lrf3d.record(made(), path, progress=stopping(2))
     run = lrf3d.record(made(), path, resume=True)
     assert run.film == film and len(run) == len(POSES)
     with pytest.raises(InputError, match="no poses from odom in it; a run has only true poses"):

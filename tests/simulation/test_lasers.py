@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stops import Stop, stopping
 
 import lrf3d
 from lrf3d.laser.unrolling import together, unrolled
@@ -56,12 +57,8 @@ def test_a_file_holds_all_lasers_and_a_stopped_run_goes_on(run, tmp_path):
     assert whole.lasers == run.lasers and np.array_equal(whole.ranges, run.ranges)
     assert np.array_equal(whole.motions, run.motions) and whole.map.segments.shape[1] == 4
 
-    def stop(done, total):
-        if done == 9:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        lrf3d.record(simulation(), tmp_path / "cut.npz", progress=stop)
+    with pytest.raises(Stop):
+        lrf3d.record(simulation(), tmp_path / "cut.npz", progress=stopping(9))
     lrf3d.record(simulation(), tmp_path / "cut.npz", resume=True)
     assert (tmp_path / "cut.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
 
