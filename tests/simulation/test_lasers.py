@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from stops import Stop, stopping
 
 import lrf3d
@@ -30,12 +31,9 @@ def run():
 
 
 def off_walls(points):
-    """How far points (n, 2) lie from the nearest wall's line segment."""
-    a, b = ROOM.segments[:, :2], ROOM.segments[:, 2:]
-    along = b - a
-    share = ((points[:, None] - a) * along).sum(2) / (along**2).sum(1)
-    nearest = a + np.clip(share, 0, 1)[..., None] * along
-    return np.hypot(*(points[:, None] - nearest).transpose(2, 0, 1)).min(axis=1)
+    """How far points (n, 2) lie from the nearest wall."""
+    walls = shapely.multilinestrings(ROOM.segments.reshape(-1, 2, 2))
+    return shapely.distance(shapely.points(points), walls)
 
 
 def test_the_beams_of_each_laser_leave_from_its_mount_and_end_at_walls(run):
