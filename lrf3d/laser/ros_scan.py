@@ -19,9 +19,6 @@ from lrf3d.laser.range_finder import within_limits
 # Nanoseconds in a second.
 NANO = 1_000_000_000
 
-# Widest fan [rad], a turn and what rounding adds; what is wider has other units.
-WIDEST_FAN = 2.1 * math.pi
-
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
@@ -89,10 +86,12 @@ def _step(low: float, wide: float, step: float, count: int) -> float:
 
     It is impossible if it runs against the ends of the fan, or takes the beams beyond a turn.
     """
-    possible = count == 1 or 0.0 < abs(step) * (count - 1) <= WIDEST_FAN
+    # [rad] At most a full turn, with room for rounding.
+    turn = 2.1 * math.pi
+    possible = count == 1 or 0.0 < abs(step) * (count - 1) <= turn
     # Drivers that do not set angle_max leave it at 0.
     against = step * wide < 0.0 and low + wide != 0.0
-    if 0.0 < abs(wide) <= WIDEST_FAN and (against or not possible):
+    if 0.0 < abs(wide) <= turn and (against or not possible):
         possible = True
         step = wide / max(count - 1, 1)
     if not (math.isfinite(low) and possible):

@@ -24,9 +24,8 @@ from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, usual_step, wrap_ang
 from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
-from lrf3d.laser.ros_scan import WIDEST_FAN
 from lrf3d.recordings.formats.related import translated
-from lrf3d.recordings.formats.text.fans import even_angles, front_ends, front_fan
+from lrf3d.recordings.formats.text.fans import WIDEST_FAN, even_angles, front_ends, front_fan
 from lrf3d.recordings.log import (
     AT_ONCE,
     COARSE,

@@ -16,11 +16,11 @@ from lrf3d.base.errors import InputError, one_line
 from lrf3d.geometry.lines import Float, Int, sealed, usual_step
 from lrf3d.geometry.pose import Pose, compose, heading_of
 from lrf3d.laser import LaserScan
-from lrf3d.laser.ros_scan import WIDEST_FAN
 from lrf3d.recordings.formats.text.fans import (
     FANS,
     LEAST_ALIKE,
     WHOLE_TURN,
+    WIDEST_FAN,
     are_turns,
     beams_of,
     front_ends,

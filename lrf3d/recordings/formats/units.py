@@ -12,7 +12,7 @@ MICRO = 1e-6
 NANO = 1e-9
 
 # Units of times; the first one of each kind is that of lrf3d.
-TIMES = {"s": 1.0, "ms": MILLI, "us": MICRO, "ns": NANO, "days": 86_400}
+TIMES = {"s": 1.0, "ms": MILLI, "us": MICRO, "ns": NANO, "days": 86400.0}
 
 # Units of lengths.
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": MILLI}

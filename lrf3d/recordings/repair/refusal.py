@@ -6,7 +6,7 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LARGEST_TIME
 from lrf3d.laser import doubtful_ranges, doubtful_unit
-from lrf3d.laser.ros_scan import WIDEST_FAN
+from lrf3d.recordings.formats.text.fans import WIDEST_FAN
 from lrf3d.recordings.log import LaserLog
 
 # Least number of beams of a scan that show a wall.

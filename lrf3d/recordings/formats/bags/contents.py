@@ -16,12 +16,11 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LARGEST_COORDINATE
 from lrf3d.laser import LaserScan, Stamp
-from lrf3d.laser.ros_scan import WIDEST_FAN
 from lrf3d.messages.clouds import CLOUD
 from lrf3d.messages.ros import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS, place, turn
 from lrf3d.recordings.formats.bags.clouds import CloudScans, level_axes
 from lrf3d.recordings.formats.bags.frames import BagPart, Frames, FrameTrack, in_the_plane
-from lrf3d.recordings.formats.text.fans import WHOLE_TURN
+from lrf3d.recordings.formats.text.fans import WHOLE_TURN, WIDEST_FAN
 from lrf3d.recordings.log import Intake
 
 # Types of messages of scans; where a beam has several echoes, the first one counts.

@@ -9,6 +9,9 @@ from lrf3d.geometry.lines import Bool, Float, Int, sealed
 # Beams that span more than this [rad] go round.
 WHOLE_TURN = 1.9 * np.pi
 
+# Widest fan [rad], a turn and what rounding adds; what is wider has other units.
+WIDEST_FAN = 2.1 * np.pi
+
 # Least share of the steps of bearings that go one way, but for those from scan to scan.
 LEAST_ALIKE = 0.9
 
