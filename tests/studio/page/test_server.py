@@ -7,7 +7,8 @@ from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 import pytest
-from browser import PATIENCE, served
+from browser import served
+from waiting import PATIENCE
 
 pytest.importorskip("websockets")
 
