@@ -6,11 +6,18 @@ import signal
 
 import hypothesis
 import pytest
+from hypothesis import HealthCheck
 
 from lrf3d.base import interrupts, isolation
 
-# No test depends on the speed of the machine.
-hypothesis.settings.register_profile("lrf3d", deadline=None)
+# No test depends on the speed of the machine, and examples share what their test was set up with.
+UNTIMED = {
+    "deadline": None,
+    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+}
+# The same code is tried with the same examples; `--hypothesis-profile search` draws others.
+hypothesis.settings.register_profile("lrf3d", derandomize=True, **UNTIMED)
+hypothesis.settings.register_profile("search", print_blob=True, **UNTIMED)
 hypothesis.settings.load_profile("lrf3d")
 
 # A shell without job control ignores Ctrl-C for what it starts in the background, and so do all
@@ -37,6 +44,18 @@ def handlers():
     for number, handler in USUAL.items():
         signal.signal(number, handler)
     interrupts._asked = 0
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """Chromium, for as many pages as the tests of a file want."""
+    from browser import CHROMIUM, OPTIONS
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        yield browser
+        browser.close()
 
 
 @functools.cache
