@@ -3,6 +3,7 @@
 import functools
 import os
 import signal
+from pathlib import Path
 
 import hypothesis
 import pytest
@@ -64,6 +65,23 @@ def has_gl():
     from lrf3d.studio.render.gl import gl_available
 
     return gl_available()
+
+
+def pytest_addoption(parser):
+    """What scripts/test --all has run otherwise is left out."""
+    of = "a folder of which slow tests alone are run"
+    parser.addoption("--slow-of", action="append", default=[], type=Path, metavar="DIR", help=of)
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out the fast tests of some folders."""
+    folders = [folder.resolve() for folder in config.getoption("--slow-of")]
+    items[:] = [
+        item
+        for item in items
+        if item.get_closest_marker("slow")
+        or not any(item.path.is_relative_to(folder) for folder in folders)
+    ]
 
 
 def pytest_runtest_setup(item):
