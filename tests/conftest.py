@@ -5,21 +5,20 @@ import os
 import signal
 from pathlib import Path
 
-import hypothesis
 import pytest
-from hypothesis import HealthCheck
+from hypothesis import HealthCheck, settings
 
 from lrf3d.base import interrupts, isolation
 
 # No test depends on the speed of the machine, and examples share what their test was set up with.
-UNTIMED = {
-    "deadline": None,
-    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
-}
+settings.register_profile(
+    "search",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
 # The same code is tried with the same examples; `--hypothesis-profile search` draws others.
-hypothesis.settings.register_profile("lrf3d", derandomize=True, **UNTIMED)
-hypothesis.settings.register_profile("search", print_blob=True, **UNTIMED)
-hypothesis.settings.load_profile("lrf3d")
+settings.register_profile("lrf3d", settings.get_profile("search"), derandomize=True)
+settings.load_profile("lrf3d")
 
 # A shell without job control ignores Ctrl-C for what it starts in the background, and so do all
 # programs that these start in turn.
@@ -69,8 +68,14 @@ def has_gl():
 
 def pytest_addoption(parser):
     """What scripts/test --all has run otherwise is left out."""
-    of = "a folder of which slow tests alone are run"
-    parser.addoption("--slow-of", action="append", default=[], type=Path, metavar="DIR", help=of)
+    parser.addoption(
+        "--slow-of",
+        metavar="FOLDER",
+        action="append",
+        type=Path,
+        default=[],
+        help="run the slow tests of a folder alone",
+    )
 
 
 def pytest_collection_modifyitems(config, items):
