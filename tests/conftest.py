@@ -66,8 +66,8 @@ def has_gl():
     return gl_available()
 
 
+# What scripts/test --all has run with indices checked is not run again.
 def pytest_addoption(parser):
-    """What scripts/test --all has run otherwise is left out."""
     parser.addoption(
         "--slow-of",
         metavar="FOLDER",
@@ -79,7 +79,6 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out the fast tests of some folders."""
     folders = [folder.resolve() for folder in config.getoption("--slow-of")]
     items[:] = [
         item

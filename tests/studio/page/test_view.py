@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from browser import needs_browser, number, opened, picture, served
 from PIL import Image
-from program import refused
 from test_glb import simulated
 from test_render import city_run
 from waiting import until
@@ -295,8 +294,7 @@ def test_the_page_of_a_run_is_that_of_its_world(recorded):
     assert setup["speed"] == run.film.playback
 
 
-def test_what_is_wrong_is_named(yard):
-    assert "nowhere" in refused("view", "nowhere")
+def test_a_port_that_is_taken_is_named():
     with bound("127.0.0.1", None) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(OutputError, match=f"--port {port}"):
