@@ -201,6 +201,8 @@ import test_recording
 test_recording.recording.FLUSHED_EVERY = 0.0
 def progress(done, total):
     print(done, flush=True)
+    if done == test_recording.SCANS - 1:
+        sys.stdin.read()
 lrf3d.record(test_recording.simulation(), sys.argv[1], resume=True, progress=progress)
 """
 
@@ -210,15 +212,13 @@ def test_a_killed_process_loses_next_to_nothing(tmp_path):
     lrf3d.record(simulation(scans=SCANS), tmp_path / "whole.npz")
     path = tmp_path / "run.npz"
     code = KILLED.format(folder=os.path.dirname(__file__))
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, path], stdout=subprocess.PIPE, text=True
-    )
-    for line in process.stdout:
-        if int(line) >= 200:
-            process.send_signal(signal.SIGKILL)
-            break
-    process.stdout.close()
-    assert process.wait() == -signal.SIGKILL
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code, path], text=True, **pipes) as process:
+        for line in process.stdout:
+            if int(line) >= 200:
+                process.send_signal(signal.SIGKILL)
+                break
+    assert process.returncode == -signal.SIGKILL
     resumed = []
     lrf3d.record(
         simulation(scans=SCANS), path, resume=True, progress=lambda done, _: resumed.append(done)
