@@ -147,7 +147,10 @@ class _ElementPainter(NamedTuple):
         own = {key: value.strip() for key, value in element.attrib.items()}
         declared = overruled(self.sheet.get(element, {}), declarations(element.get("style", "")))
         own |= {key: value.partition("!")[0].strip() for key, value in declared.items()}
-        _refuse_moves({key: own[key] for key in declared})
+        # Properties that move are not followed here.
+        for key in declared.keys() & MOVES:
+            if own[key] not in NO_MOVES:
+                raise WorldError(f"has {key}: {shown(own[key])} in a style; apply transforms")
         style = {k: v for k, v in outer.style.items() if k in INHERITED}
         style |= {k: v for k, v in own.items() if v != "inherit"}
         names, layer = _named(_tag(element), own, outer)
@@ -275,7 +278,7 @@ class _ElementPainter(NamedTuple):
             dashed=re.search("[1-9]", dashed) is not None,
             colour="" if drawn.value is None else drawn.hexrgb,
         )
-        if not {"fill", "stroke"} & set(style):
+        if not {"fill", "stroke", "fill-opacity"} & set(style):
             for ring in rings:
                 canvas.line(ring, mark, state.clip)
             return
@@ -388,13 +391,6 @@ def _framed(element: Element, frame: tuple[float, ...], state: State) -> State:
     return state._replace(matrix=state.matrix @ _matrix(fitted), size=box[2:])
 
 
-def _refuse_moves(style: dict[str, str]) -> None:
-    """Refuse a style that moves by properties of their own, which are not followed here."""
-    for key in MOVES:
-        if style.get(key, "none") not in NO_MOVES:
-            raise WorldError(f"has {key}: {shown(style[key])} in a style; apply transforms")
-
-
 def _transform(style: dict[str, str], size: tuple[float, ...]) -> Float:
     """The transform of an element, about its origin."""
     words = style.get("transform-origin", "0 0").split()
@@ -472,7 +468,8 @@ def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[
     text = style.get("color", "black") if text.lower() == "currentcolor" else text
     if "url(" in text:
         return UNKNOWN, alpha
-    colour = svgelements.Color(text)
+    # svgelements takes numbers that only spaces or a slash separate for black.
+    colour = svgelements.Color(re.sub(r"(?<=[\d%])[\s/]+(?=[\d.])", ",", text))
     if text == "none" or colour.value is None:
         return 0.0, 0.0
     alpha *= colour.alpha / WHITE * _share(style.get(f"{key}-opacity", "1"))
