@@ -109,11 +109,8 @@ class _SdfWalls:
         """Add the models and includes of a world or of a model at a pose (4, 4)."""
         if depth > DEEPEST:
             raise WorldError(f"{file.name}: models within each other more than {DEEPEST} times")
-        # Gazebo Classic saves where a model was moved to apart from the model.
-        moved = {each.get("name"): each.find("pose") for each in scope.findall("state/model")}
         for model in scope.findall("model"):
-            _place(model, moved.get(model.get("name")))
-            self._add_model(model, pose @ _pose(model, scope), file, depth)
+            self._add_model(model, pose @ _pose(_moved(model, scope), scope), file, depth)
         for include in scope.findall("include"):
             uri = include.findtext("uri", "").strip()
             found = self._find(uri, file)
@@ -131,8 +128,8 @@ class _SdfWalls:
                 self.balance.leave(f"unreadable model: {one_line(_name(uri), 60)}")
                 continue
             for model in models:
-                _place(model, include.find("pose"))
-                self._add_model(model, pose @ _pose(model, scope), sdf, depth + 1)
+                own = include if include.find("pose") is not None else model
+                self._add_model(model, pose @ _pose(own, scope), sdf, depth + 1)
 
     def _add_model(self, model: Element, pose: Float, file: Path, depth: int) -> None:
         name = model.get("name", "")
@@ -270,12 +267,10 @@ def _shapes(link: Element) -> list[Element]:
     return link.findall("collision") or link.findall("visual")
 
 
-def _place(model: Element, pose: Element | None) -> None:
-    """Replace the pose of a model, if there is another one."""
-    if pose is not None:
-        for own in model.findall("pose"):
-            model.remove(own)
-        model.append(pose)
+def _moved(model: Element, scope: Element) -> Element:
+    """A model, or the state that says where it was moved to, as Gazebo Classic saves it."""
+    states = scope.iterfind("state/model[pose]")
+    return next((each for each in states if each.get("name") == model.get("name")), model)
 
 
 def _pose(element: Element, scope: Element, depth: int = 0) -> Float:
@@ -284,7 +279,7 @@ def _pose(element: Element, scope: Element, depth: int = 0) -> Float:
     pose = np.eye(4) if given is None else _given_pose(given)
     relative_to = "" if given is None else given.get("relative_to", "")
     # Without a name, a frame is relative to what it is attached to, and a joint to its child.
-    base = relative_to or element.get("attached_to") or element.findtext("child", "")
+    base = relative_to or element.get("attached_to", "") or element.findtext("child", "")
     pose = _frame(base.strip(), scope, depth) @ pose
     # The pose of a model may be that of one of its frames.
     if placed := element.get("placement_frame", ""):
