@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from program import lrf3d, ran, refused
+from waiting import until
 
 from lrf3d import export_run, load_scenario, save_run
 from lrf3d.apps.cli.commands import COMMANDS
@@ -239,8 +240,7 @@ def test_a_termination_is_obeyed_as_ctrl_c_and_what_is_ignored_stays_so(room, tm
         process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     finally:
         signal.signal(signal.SIGHUP, before)
-    while not (tmp_path / "out" / "run.journal").exists() and process.poll() is None:
-        pass
+    until(lambda: (tmp_path / "out" / "run.journal").exists() or process.poll() is not None)
     process.send_signal(signal.SIGHUP)
     assert process.poll() is None
     process.send_signal(signal.SIGTERM)
