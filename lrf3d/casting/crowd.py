@@ -172,7 +172,8 @@ def grid_over(count: int) -> Plain:
     """A grid over a number of obstacles, which kernels fill: a cell for every four of them."""
     frames = np.zeros(1, LATTICE)
     frames["cells"] = cells = 1 + math.isqrt(count // 4)
-    return frames, np.empty(cells * cells + 1, np.int64), np.empty(count, np.int64)
+    firsts = np.empty(cells * cells + 1, np.int64)
+    return frames, firsts, np.empty(count, np.int64), np.empty(count, PLACED)
 
 
 def _lap(path: Trajectory | Patrol) -> Trajectory:

@@ -325,7 +325,7 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         else:
             truth, walls = self._caster.scan_batch(lrf, poses)
             for time in np.unique(self._times) if len(self._crowd) else ():
-                now = np.flatnonzero(self._times == time)
+                now = slice(None) if self.together else np.flatnonzero(self._times == time)
                 ranges = truth[now]
                 met = walls[now]
                 self._crowd.stop_scans(lrf, poses[now], time, ranges, met, self._own[now])

@@ -62,7 +62,8 @@ class CloudObserver:
                 if self._spread is not None:
                     floor, growth = self._spread
                     limits = sensor.range_min, far, floor, growth / far
-                    scatter_ranges(ranges, numbers, limits, key, self._quantiles, seen)
+                    rows = np.ascontiguousarray(ranges.transpose(0, 2, 1))
+                    scatter_ranges(rows, numbers, limits, key, self._quantiles, seen)
                     continue
                 walls = np.zeros(ranges.shape, np.int32)
                 noisy = measured(self._noise, sensor.planar, ranges, walls, own_rng)

@@ -21,6 +21,7 @@ class MoverGrid(NamedTuple):
     frames: Records  # (1,) of the kind LATTICE.
     firsts: Int  # (cells² + 1,) where those of each cell begin in the order.
     order: Int
+    places: Records  # (n,) of the kind PLACED, in the order.
 
 
 @borrower
@@ -65,25 +66,43 @@ def fill(grid: MoverGrid, placed: Records) -> None:
     for j in range(len(placed) - 1, -1, -1):
         column, row = cell_at(frame, placed[j].x, placed[j].y)
         firsts[row * frame.cells + column] -= 1
-        grid.order[firsts[row * frame.cells + column]] = j
+        member = firsts[row * frame.cells + column]
+        grid.order[member] = j
+        grid.places[member] = placed[j]
 
 
 @borrower
-def rows_in(
-    grid: MoverGrid, placed: Records, box: tuple[float, float, float, float], found: Int
-) -> int:
-    """Fill the rows of obstacles with their origin in a box [m]; returns how many there are."""
+def cells_of(grid: MoverGrid, box: tuple[float, float, float, float]) -> tuple[int, int, int, int]:
+    """The cells in a box [m]: the first and the last column, and the first and the last row."""
     low_x, low_y, high_x, high_y = box
     frame = grid.frames[0]
     first_column, first_row = cell_at(frame, low_x, low_y)
     last_column, last_row = cell_at(frame, high_x, high_y)
+    return first_column, last_column, first_row, last_row
+
+
+@borrower
+def members(grid: MoverGrid, row: int, first: int, last: int) -> tuple[int, int]:
+    """Where in the order obstacles in a row of cells are, in columns from the first to the last."""
+    cell = row * grid.frames[0].cells
+    return grid.firsts[cell + first], grid.firsts[cell + last + 1]
+
+
+@borrower
+def rows_in(grid: MoverGrid, box: tuple[float, float, float, float], found: Int) -> int:
+    """Fill the ascending rows of obstacles with their origin in a box [m]; returns their count."""
+    low_x, low_y, high_x, high_y = box
+    first, last, first_row, last_row = cells_of(grid, box)
     count = 0
     for row in range(first_row, last_row + 1):
-        cell = row * frame.cells
-        for member in range(grid.firsts[cell + first_column], grid.firsts[cell + last_column + 1]):
-            j = grid.order[member]
-            at = placed[j]
-            inside = low_x <= at.x <= high_x and low_y <= at.y <= high_y
-            found[count] = j
-            count += int(inside)
+        start, stop = members(grid, row, first, last)
+        for member in range(start, stop):
+            at = grid.places[member]
+            if low_x <= at.x <= high_x and low_y <= at.y <= high_y:
+                place = count
+                while place > 0 and found[place - 1] > grid.order[member]:
+                    found[place] = found[place - 1]
+                    place -= 1
+                found[place] = grid.order[member]
+                count += 1
     return count

@@ -94,7 +94,9 @@ def read_layers(
         first = 0
         for j in range(count):
             entry = entries[j * columns + i]
-            stop = _beyond(slopes, own, (first, many), entry.sure)
+            stop = many
+            if slopes[own, many - 1] > entry.sure:
+                stop = _beyond(slopes, own, (first, many), entry.sure)
             most = entry.most
             while stop < many and slopes[own, stop] <= most:
                 wall = wall_of(entry)

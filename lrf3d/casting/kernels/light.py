@@ -24,7 +24,7 @@ from lrf3d.casting.kernels.echoes import (
     receive,
     shares,
 )
-from lrf3d.casting.kernels.movers import Movers, anywhere, place, side_at
+from lrf3d.casting.kernels.movers import Movers, anywhere, locate, side_at, turn_sides
 from lrf3d.casting.kernels.predicates import Vector, Wall, wall_at
 from lrf3d.casting.kernels.tree import ROOM, Plain, Tree, enter, new_stack, next_leaf, way_of
 from lrf3d.compiling import borrower, compiled, record
@@ -119,7 +119,7 @@ def light_rays(
         if ray.time != moment:
             moment = ray.time
             for j in range(len(among.movers)):
-                place(among, j, moment)
+                turn_sides(among, j, locate(among, j, moment))
         if level and (lit.walls[i] < 0 or _is_dull(optics, receiver, ray, i, lit)):
             continue
         first.z, first.dz = (0.0, 0.0) if level else (inclined[i, 0], inclined[i, 1])

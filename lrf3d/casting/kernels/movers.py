@@ -20,11 +20,11 @@ from lrf3d.casting.kernels.beams import (
     settled,
     within,
 )
-from lrf3d.casting.kernels.fan import Fan
-from lrf3d.casting.kernels.grid import MoverGrid, fill, rows_in
-from lrf3d.casting.kernels.predicates import FILTER, Beam, Wall
+from lrf3d.casting.kernels.fan import BATCH, BEARING_SLACK, TURN, Fan, bearing
+from lrf3d.casting.kernels.grid import MoverGrid, cells_of, fill, members
+from lrf3d.casting.kernels.predicates import FILTER, Beam, Wall, index_of, plain_length
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
-from lrf3d.casting.kernels.tree import ROOM, Plain
+from lrf3d.casting.kernels.tree import ROOM, Plain, column_at, whole
 from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry.lines import TINY, Float, Int, Records
 
@@ -58,15 +58,12 @@ HELD = -1.0
 # The origin of an obstacle at a moment [m], and its reach.
 PLACED = record(**dict.fromkeys(("x", "y", "reach"), float))
 
-# Parts of a scan; the obstacles near each part are looked up once. Looking costs as much as testing
-# eight beams: of 4 to 16 parts eight were the fastest for 64 beams among 1,024 robots.
-PARTS = 8
-
-# [rad] Largest angle between the first beam of a part and the last.
-MOST_SPAN = 3.0
-
 # [m] Largest length of a beam, so that its end has a place.
 LONGEST = 1e9
+
+# Where the columns of BATCH obstacles as a scan sees them begin: offsets [m], reach [m], distance
+# of the nearest point [m], and the beams that may meet them, from the first to before the last.
+EAST, NORTH, WIDE, NEAR, FIRST, STOP = (index_of(k * BATCH) for k in range(6))
 
 # A side of an obstacle in the world [m].
 SIDE = record(**dict.fromkeys(("px", "py", "qx", "qy"), float))
@@ -155,12 +152,6 @@ def anywhere(plain: Plain) -> Movers:
 
 
 @inner
-def place(among: Movers, j: int, time: float) -> None:
-    """Place an obstacle's sides where they are at a time."""
-    turn_sides(among, j, locate(among, j, time))
-
-
-@inner
 def locate(among: Movers, j: int, time: float) -> float:
     """Set where an obstacle is at a time; returns its heading [rad]."""
     at = among.placed[j]
@@ -195,7 +186,7 @@ def place_all(plain: Plain, plain_grid: Plain, time: float) -> None:
     """Place all obstacles where they are at a time, and fill the grid over them."""
     among = Movers(*plain)
     for j in range(len(among.movers)):
-        place(among, j, time)
+        turn_sides(among, j, locate(among, j, time))
     fill(MoverGrid(*plain_grid), among.placed)
 
 
@@ -276,28 +267,40 @@ def cast_among(
     row = np.empty(beams, np.int64)
     low = np.empty(beams)
     high = np.empty(beams)
-    near = np.empty(len(among.movers) + 1, np.int64)
-    # The first beam of a part and the last bound it up to half a turn.
-    most = 1 + int(MOST_SPAN * (beams - 1) / (2.0 * max(laser.half, 1.0)))
-    part = min((beams + PARTS - 1) // PARTS, most)
+    met = row, low, high
+    view = np.zeros(6 * BATCH)
+    walls = np.zeros((4, whole(beams)))
+    lengths = np.empty(whole(beams))
     for k in range(len(poses)):
         fan = aim(laser, poses[k], dx, dy)
+        low_x = high_x = fan.x
+        low_y = high_y = fan.y
         for i in range(beams):
             row[i] = -1
             low[i] = np.inf
             high[i] = min(ranges[k, i], laser.range_max * ROOM) * ROOM
+            length = min(max(high[i], 0.0), LONGEST)
+            low_x = min(low_x, fan.x + length * dx[i])
+            high_x = max(high_x, fan.x + length * dx[i])
+            low_y = min(low_y, fan.y + length * dy[i])
+            high_y = max(high_y, fan.y + length * dy[i])
+        # More than rounding may be.
+        room = grid.frames[0].reach * ROOM + 1e-12 * (abs(fan.x) + abs(fan.y) + LONGEST)
+        cells = cells_of(grid, (low_x - room, low_y - room, high_x + room, high_y + room))
         seen = height, own[k]
-        for first in range(0, beams, part):
-            stop = min(first + part, beams)
-            _stop_beams(among, grid, fan, (row, low, high), (first, stop), near, seen)
+        _stop_fan(among, grid, cells, fan, view, met, seen)
+        _lengths(fan, among.sides, row, walls, lengths)
         for i in range(beams):
+            if row[i] == -1:
+                continue
             beam = Beam(fan.x, fan.y, dx[i], dy[i])
+            t = lengths[i]
             if row[i] == UNDECIDED:
                 limit = min(ranges[k, i], laser.range_max * ROOM) * ROOM
                 row[i] = _met_exactly(among, beam, limit, seen)
-            if row[i] < 0:
-                continue
-            t = range_to(among, row[i], beam, limits)
+                t = np.nan
+            if row[i] >= 0 and not limits[0] * ROOM < t < limits[1] / ROOM:
+                t = range_to(among, row[i], beam, limits)
             # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
             if t < ranges[k, i]:
                 ranges[k, i] = t
@@ -305,58 +308,86 @@ def cast_among(
 
 
 @borrower
-def _stop_beams(
-    among: Movers, grid: MoverGrid, fan: Fan, met: tuple[Int, Float, Float],
-    part: tuple[int, int], near: Int, seen: tuple[float, int],
+def _stop_fan(
+    among: Movers, grid: MoverGrid, cells: tuple[int, int, int, int], fan: Fan, view: Float,
+    met: tuple[Int, Float, Float], seen: tuple[float, int],
 ) -> None:  # fmt: skip
-    """Let obstacles stop a part of the beams of a fan, of which the nearest sides are filled in.
+    """Let obstacles in some cells stop the beams of a fan, whose nearest sides are filled in.
 
     ``seen`` holds the height of the laser, and the robot's own obstacle, which is left out; the row
     of a side may be UNDECIDED.
     """
     row, low, high = met
-    placed = among.placed
-    low_x = high_x = fan.x
-    low_y = high_y = fan.y
-    farthest = 0.0
-    for i in range(part[0], part[1]):
-        length = min(max(high[i], 0.0), LONGEST)
-        farthest = max(farthest, high[i])
-        low_x = min(low_x, fan.x + length * fan.dx[i])
-        high_x = max(high_x, fan.x + length * fan.dx[i])
-        low_y = min(low_y, fan.y + length * fan.dy[i])
-        high_y = max(high_y, fan.y + length * fan.dy[i])
-    # More than rounding may be.
-    room = grid.frames[0].reach * ROOM + 1e-12 * (abs(fan.x) + abs(fan.y) + LONGEST)
-    box = low_x - room, low_y - room, high_x + room, high_y + room
-    for candidate in range(rows_in(grid, placed, box, near)):
-        j = near[candidate]
-        mover = among.movers[j]
-        east = placed[j].x - fan.x
-        north = placed[j].y - fan.y
+    first, last, first_row, last_row = cells
+    for away in range(last_row - first_row + 1):
+        # From the near cells to the far ones, as near obstacles hide others.
+        at = first_row + away if fan.ahead_y > 0.0 else last_row - away
+        start, stop = members(grid, at, first, last)
+        for member in range(start, stop):
+            k = (member - start) % BATCH
+            if k == 0:
+                _view(grid.places, member, min(BATCH, stop - member), fan, view)
+            j = grid.order[member]
+            mover = among.movers[j]
+            for i in range(int(view[FIRST + k]), int(view[STOP + k])):
+                if high[i] < view[NEAR + k] or row[i] == UNDECIDED:
+                    continue
+                beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
+                across = beam.dx * view[NORTH + k] - beam.dy * view[EAST + k]
+                # The height comes last, as it is rarely in the cache.
+                if abs(across) > view[WIDE + k] or j == seen[1] or mover.height < seen[0]:
+                    continue
+                doubt = 4.0 * FILTER * (view[NEAR + k] + 2.0 * view[WIDE + k])
+                before = Nearest(row[i], low[i], high[i])
+                row[i], low[i], high[i] = _meet_clearly(
+                    among.sides, mover.first, mover.stop, beam, doubt, before
+                )
+
+
+@borrower
+def _view(places: Records, base: int, count: int, fan: Fan, view: Float) -> None:
+    """Fill in how a scan sees obstacles at some places from a base on, up to BATCH of them."""
+    for k in range(index_of(count)):
+        at = places[index_of(base) + k]
+        view[EAST + k] = at.x - fan.x
+        view[NORTH + k] = at.y - fan.y
+        view[WIDE + k] = at.reach * ROOM + 1e-12 * (abs(at.x) + abs(at.y))
+    half = fan.half if fan.per_step > 0.0 else TURN
+    beams = float(len(fan.dx) - PADDING)
+    for k in range(whole(count)):
+        east = view[EAST + k]
+        north = view[NORTH + k]
         away = math.sqrt(east * east + north * north)
-        wide = placed[j].reach * ROOM + 1e-12 * (abs(placed[j].x) + abs(placed[j].y) + away)
-        nearest = away / ROOM - wide
-        right = fan.dx[part[0]] * north - fan.dy[part[0]] * east
-        left = fan.dx[part[1] - 1] * north - fan.dy[part[1] - 1] * east
-        # The height comes last, as it is rarely in the cache.
-        if (
-            min(right, -left) < -wide
-            or nearest > farthest
-            or j == seen[1]
-            or mover.height < seen[0]
-        ):
-            continue
-        doubt = 4.0 * FILTER * (away + wide)
-        for i in range(part[0], part[1]):
-            beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
-            across = beam.dx * north - beam.dy * east
-            if abs(across) > wide or high[i] < nearest or row[i] == UNDECIDED:
-                continue
-            before = Nearest(row[i], low[i], high[i])
-            row[i], low[i], high[i] = _meet_clearly(
-                among.sides, mover.first, mover.stop, beam, doubt, before
-            )
+        wide = view[WIDE + k] + 1e-12 * away
+        middle = bearing(
+            east * fan.ahead_x + north * fan.ahead_y, north * fan.ahead_x - east * fan.ahead_y
+        )
+        share = wide / away
+        # Never below the arcsine.
+        aside = share + (0.5 * np.pi - 1.0) * share * share * share + BEARING_SLACK
+        # Where the fan closes to a circle, or the obstacle is around the laser, all beams count.
+        plain = share < 1.0 and abs(middle) + aside < TURN - half
+        first = min(max((middle - aside + half) * fan.per_step + 1.0, 0.0), beams)
+        stop = min(max((middle + aside + half) * fan.per_step + 1.0, 0.0), beams)
+        view[WIDE + k] = wide
+        view[NEAR + k] = away * (2.0 - ROOM) - wide
+        view[FIRST + k] = first if plain else 0.0
+        view[STOP + k] = stop if plain else beams
+
+
+@borrower
+def _lengths(fan: Fan, sides: Records, row: Int, walls: Float, lengths: Float) -> None:
+    """Fill the t of the sides that the beams of a fan meet, NaN where float64 falls short.
+
+    The walls are room for columns of sides.
+    """
+    for i in range(len(row)):
+        for axis, value in enumerate(side_at(sides, max(row[i], 0))):
+            walls[axis, i] = value
+    for i in range(len(lengths)):
+        beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
+        t, good = plain_length(beam, column_at(walls, i))
+        lengths[i] = t[0] if good else np.nan
 
 
 @inner
@@ -412,7 +443,7 @@ def rays_among(
             along = beam.dx * east + beam.dy * north
             beside = abs(across) > reach or along < -reach or along - reach > limit
             if j != own and not beside and movers[j].height >= height:
-                place(among, j, rays[i].time)
+                turn_sides(among, j, locate(among, j, rays[i].time))
                 nearest = meet(among, j, beam, nearest)
         if nearest.row >= 0:
             t = range_to(among, nearest.row, beam, limits)

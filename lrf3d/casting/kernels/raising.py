@@ -36,7 +36,7 @@ from lrf3d.casting.kernels.fan import (
     turns_to_meet,
     view_boxes,
 )
-from lrf3d.casting.kernels.movers import anywhere, place, side_at
+from lrf3d.casting.kernels.movers import anywhere, locate, side_at, turn_sides
 from lrf3d.casting.kernels.predicates import (
     Beam,
     Wall,
@@ -319,7 +319,7 @@ def raise_obstacles(
             beam = beam_of(rays, i)
             if rays[i].time != placed:
                 placed = rays[i].time
-                place(among, j, placed)
+                turn_sides(among, j, locate(among, j, placed))
                 sense = _sense(sides, mover.first, mover.stop)
             at = among.placed[j]
             east = at.x - beam.ox

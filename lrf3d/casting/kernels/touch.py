@@ -26,7 +26,7 @@ from lrf3d.casting.kernels.movers import (
 )
 from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree, column_at
-from lrf3d.compiling import borrower, compiled, inner, record
+from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
 # [m] Depth up to which a body that meets something does not touch it: more than rounding.
@@ -133,7 +133,7 @@ def touched_among(
             (fastest + rim) * min(times[k], seconds[k]) + grid.frames[0].reach + body.reach + 1e-6
         )
         box = move.x - room, move.y - room, move.x + room, move.y + room
-        for candidate in range(_ascending(near, rows_in(grid, places, box, near))):
+        for candidate in range(rows_in(grid, box, near)):
             j = near[candidate]
             mover = movers[j]
             best = min(times[k], seconds[k])
@@ -146,19 +146,6 @@ def touched_among(
                 times[k] = time
                 walls[k] = -1
                 met[k] = j
-
-
-@borrower
-def _ascending(rows: Int, count: int) -> int:
-    """Sort the first rows, which are sorted within each cell; returns their count."""
-    for k in range(1, count):
-        row = rows[k]
-        place = k
-        while place > 0 and rows[place - 1] > row:
-            rows[place] = rows[place - 1]
-            place -= 1
-        rows[place] = row
-    return count
 
 
 @inner
