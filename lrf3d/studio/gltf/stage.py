@@ -67,19 +67,19 @@ def _add_ground(document: Document, stage: Stage) -> None:
     ground = stage.ground
     exposure = stage.exposure
     setting = stage.structures.setting
-    day = ground.picture
     x, y = (
         low + (np.arange(count) + 0.5) / count * size
-        for low, count, size in zip(ground.corner, day.shape[1::-1], ground.size, strict=True)
+        for low, count, size in zip(
+            ground.corner, ground.picture.shape[1::-1], ground.size, strict=True
+        )
     )
-    dark = np.empty_like(day)
-    seen = np.empty_like(day)
+    dark, seen = np.empty((2, *ground.picture.shape), np.uint8)
     # A row at a time, as numbers of the whole picture would take half a gigabyte.
     for row, height in enumerate(y):
         on = exposure.sampled(np.column_stack([x, np.full_like(x, height)]))["sure"]
         for painted, share in ((dark, np.zeros_like(on)), (seen, on)):
-            lit = exposed(day[row] / look.WHITE, share, 0.0, setting)
-            painted[row] = np.round(look.WHITE * np.clip(lit, 0.0, 1.0))
+            colours = exposed(ground.picture[row] / look.WHITE, share, 0.0, setting)
+            painted[row] = np.round(look.WHITE * np.clip(colours, 0.0, 1.0))
     rows, columns = (np.arange(0, side, _COARSE) for side in exposure.times.shape)
     low = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     squares = low[:, None] + _COARSE * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])

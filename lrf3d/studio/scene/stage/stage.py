@@ -270,7 +270,7 @@ def ground_grid(structures: Structures) -> GroundGrid:
     low = ends.min(axis=0) - setting.margin
     high = ends.max(axis=0) + setting.margin
     pixel = max(float((high - low).max()) / _LONGEST_SIDE, setting.pixel)
-    sides = np.minimum(np.ceil((high - low) / pixel), _LONGEST_SIDE)
+    sides = np.ceil((high - low) / pixel).clip(max=_LONGEST_SIDE)
     width, height = sides.astype(int).tolist()
     return GroundGrid(low, pixel, (width, height))
 
