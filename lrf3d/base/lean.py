@@ -2,8 +2,11 @@
 
 import gc
 import inspect
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
+
+from lrf3d.base.formats import function
 
 # What `inspect.getdoc` is outside of the blocks, also if two threads are in one.
 _DOCUMENTATION = inspect.getdoc
@@ -34,3 +37,9 @@ def lean_loading() -> Iterator[None]:
         for name in left_out:
             if vars(np).get(name) is None:
                 vars(np).pop(name, None)
+
+
+def load(target: str | Callable[..., Any]) -> Callable[..., Any]:
+    """The function of ``module:function``, whose module is loaded in such a block."""
+    with lean_loading():
+        return function(target)

@@ -14,8 +14,6 @@ import numpy as np
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import Stamp
-from lrf3d.mapping.tints import object_tints
-from lrf3d.robot.odometry import GRAVITY
 
 # Readers of logs, which know types of messages, need neither runs nor maps.
 if TYPE_CHECKING:
@@ -51,6 +49,9 @@ EXACT = 1e-6
 
 # Variance of height, roll and pitch, which a robot on the ground does not measure.
 UNKNOWN = 1.0 / EXACT
+
+# What the vertical accelerometer of a robot at rest measures [m/s²].
+GRAVITY = 9.80665
 
 # Width of the lines of the map [m]: to be seen from above a room.
 LINE_WIDTH = 0.1
@@ -197,6 +198,8 @@ def occupancy_grid(world: "World", finest: float, stamp: Stamp, path: Path) -> F
 
 def line_marker(segments: Float, objects: Int, stamp: Stamp) -> Fields:
     """Segments (n, 4) [m] of a map as lines in the colours of their objects (n,)."""
+    from lrf3d.mapping.tints import object_tints
+
     tints = np.repeat(object_tints(objects), 2, axis=0).tolist()
     return {
         "header": header_fields(stamp, MAP),

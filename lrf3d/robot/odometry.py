@@ -13,9 +13,6 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.geometry.lines import NORMAL_MEDIAN, ROUNDING, Float, Value, as_rows, is_finite, number
 from lrf3d.geometry.pose import between, compose
 
-# What the vertical accelerometer of a robot at rest measures [m/s²].
-GRAVITY = 9.80665
-
 
 @dataclass(frozen=True, slots=True)
 class WheelOdometry:

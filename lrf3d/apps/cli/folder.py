@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from filecmp import cmp
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ from lrf3d.base.files import (
     writing,
 )
 from lrf3d.base.interrupts import check, noting
-from lrf3d.base.lean import lean_loading
+from lrf3d.base.lean import load
 from lrf3d.world import world_names
 
 # The file of a picture, and the function that draws it.
@@ -49,9 +48,7 @@ _RESULTS = (
 
 def draw_figure(what: str, *parts: Any, **options: Any) -> None:
     """Draw a figure; matplotlib is loaded when results are done, whose memory is free by then."""
-    with lean_loading():
-        figures = import_module("lrf3d.studio.figures.figures")
-    getattr(figures, f"draw_{what}")(*parts, **options)
+    load(f"lrf3d.studio.figures.figures:draw_{what}")(*parts, **options)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from lrf3d.apps.cli.console import Console, warn
 from lrf3d.apps.cli.kernels import start_compiling, wait_for
 from lrf3d.base.errors import InputError, check_names
 from lrf3d.base.files import check_ordinary
-from lrf3d.base.lean import lean_loading
+from lrf3d.base.lean import load
 from lrf3d.planning import Side
 from lrf3d.recordings import LaserLog, load_run
 from lrf3d.recordings.reading import is_run, load_log, odometry_of
@@ -300,9 +300,7 @@ def start(args: Namespace) -> int | None:
             stack.callback(compiling.kill)
         refuse_twice(args)
         source = read(args)
-        module, _, function = target.partition(":")
-        with lean_loading():
-            command = getattr(import_module(f"lrf3d.apps.cli.{module}"), function)
+        command = load(f"lrf3d.apps.cli.{target}")
         if compiling is not None:
             with console.progress("compiling") as progress:
                 wait_for(compiling, progress)

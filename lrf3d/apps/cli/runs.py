@@ -14,6 +14,7 @@ from lrf3d.apps.export import export_run, share_run
 from lrf3d.base.errors import InputError, MissingLibraryError, storage
 from lrf3d.base.files import replacing
 from lrf3d.base.formats import by_name
+from lrf3d.base.lean import load
 from lrf3d.base.text import counted
 from lrf3d.recordings import load_run
 from lrf3d.simulation.run import Run
@@ -47,7 +48,10 @@ def render(run: Run, args: Namespace, console: Console) -> None:
         run = replace(run, film=replace(run.film, points_by=args.points_by))
     with file_of_run(args, "run.png" if picture else "run.mp4") as path:
         if picture:
-            _write_frame(run, path, args)
+            with replacing(path) as unfinished:
+                load("lrf3d.studio.render.video:save_png")(
+                    run.frame(args.at, **_look(args)), unfinished
+                )
         else:
             drawn = write_film(run, path, args, console, part=(args.from_, args.to))
     if picture:
@@ -66,14 +70,6 @@ def render(run: Run, args: Namespace, console: Console) -> None:
     )
 
 
-def _write_frame(run: Run, path: Path, args: Namespace) -> None:
-    """Write a picture of one moment of a run."""
-    from lrf3d.studio.render.video import save_png
-
-    with replacing(path) as unfinished:
-        save_png(run.frame(args.at, **_look(args)), unfinished)
-
-
 def write_film(
     run: Run,
     path: Path,
@@ -82,8 +78,7 @@ def write_film(
     **parts: Any,
 ) -> dict[str, Any]:
     """Write the film of a run, or of a part of it or several, and return its figures."""
-    from lrf3d.studio.render.video import render_video
-
+    render_video = load("lrf3d.studio.render.video:render_video")
     look = _look(args)
     size, rate = _LOOPS.get(path.suffix.lower(), (look["size"], 25.0))
     look["size"] = args.size or size
@@ -101,8 +96,9 @@ def write_film(
             if before <= 3.0 < passed and time > 20.0 and not sys.stderr.isatty():
                 console.note(f"film: {total:,} frames, which take about {time:.0f} s")
 
-        how = {"fps": args.fps or rate, "workers": args.workers, "progress": note}
-        render_video(run, path, **how, **look, **parts)
+        render_video(
+            run, path, fps=args.fps or rate, workers=args.workers, progress=note, **look, **parts
+        )
     return {
         "frames": len(stamps),
         "size": list(look["size"]),
@@ -190,7 +186,9 @@ def export(run: Run, args: Namespace, console: Console) -> None:
     """Write a run for another program."""
     # The arrays of points need another name than run.npz, and folders have no ending.
     endings = {"npz": "_points.npz", "kitti": "_kitti", "rosbag2": "_bag"}
-    ending = endings.get(args.to, by_name("export", args.to).endings[0])
+    row = by_name("export", args.to)
+    ending = endings.get(args.to, row.endings[0])
+    load(row.write)
     with file_of_run(args, f"run{ending}") as path:
         export_run(run, args.to, path, every=args.every)
     files = [each for each in (path, *sorted(path.rglob("*"))) if each.is_file()]
@@ -210,6 +208,7 @@ def export(run: Run, args: Namespace, console: Console) -> None:
 
 def share(run: Run, args: Namespace, console: Console) -> None:
     """Write a run as a single web page."""
+    load("lrf3d.studio.page.page_file:page_file")
     with file_of_run(args, "run.html") as path:
         every = share_run(run, path)
     size = path.stat().st_size

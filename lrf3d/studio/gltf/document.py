@@ -36,20 +36,11 @@ _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
 # OpenGL's number for textures that end at their edges.
 _CLAMP = 33071
 
-# OpenGL's number for textures that are interpolated between texels.
-_LINEAR = 9729
-
-# OpenGL's number for textures that have smaller copies for what is far away.
-_MIPMAPS = 9987
-
 # The extension of all materials.
 _UNLIT = "KHR_materials_unlit"
 
 # The start of every array is a multiple of this [bytes].
 _ALIGNMENT = 4
-
-# Number of joints that one byte can number.
-_FEW_JOINTS = 256
 
 # Number of vertices that two bytes can number; their largest number is not used.
 _SMALL = 65535
@@ -67,6 +58,8 @@ class Document:
         # Nodes next to the root: a mesh that follows others does not follow those above it.
         self._tops: list[int] = []
         self._blob = bytearray()
+        # The accessor of each array: its bytes, what they are for, and how they are read.
+        self._arrays: dict[tuple[bytes, int | None, str], int] = {}
         self._name = name
         self._length = length
         self._samplers: list[dict[str, Any]] = []
@@ -90,11 +83,11 @@ class Document:
     ) -> int:
         """Add an array (n,) or (n, k) and give its accessor; whole numbers of vertices are 0…1.
 
-        The format wants the bounds of positions and of times noted.
+        The format wants the bounds of positions and of times noted. Equal arrays are kept once:
+        what is dark and what is lit have the same corners.
         """
         columns = 1 if values.ndim == 1 else values.shape[1]
         accessor: dict[str, Any] = {
-            "bufferView": self._view(values.tobytes(), **({} if use is None else {"target": use})),
             "componentType": _COMPONENTS[values.dtype.name],
             "count": len(values),
             "type": _KINDS[columns],
@@ -104,7 +97,12 @@ class Document:
         if bounded:
             rows = values.reshape(-1, columns)
             accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
-        return self.add("accessors", **accessor)
+        key = values.tobytes(), use, str(accessor)
+        if key not in self._arrays:
+            target = {} if use is None else {"target": use}
+            view = self._view(key[0], **target)
+            self._arrays[key] = self.add("accessors", bufferView=view, **accessor)
+        return self._arrays[key]
 
     def _view(self, data: bytes, **properties: Any) -> int:
         self._blob += bytes(-len(self._blob) % _ALIGNMENT)
@@ -130,8 +128,8 @@ class Document:
         """Add a picture as a ``PNG`` or ``JPEG`` and give the number of its texture."""
         file = io.BytesIO()
         picture.save(file, kind, quality=88, optimize=True)
-        filters = {"magFilter": _LINEAR, "minFilter": _MIPMAPS}
-        sampler = self.add("samplers", **filters, wrapS=_CLAMP, wrapT=_CLAMP)
+        # Players interpolate, and use smaller copies for what is far away, unless told otherwise.
+        sampler = self.add("samplers", wrapS=_CLAMP, wrapT=_CLAMP)
         view = self._view(file.getvalue())
         source = self.add("images", name=name, mimeType=f"image/{kind.lower()}", bufferView=view)
         return self.add("textures", source=source, sampler=sampler)
@@ -165,7 +163,7 @@ class Document:
         if joints is not None:
             # A corner may follow four nodes; it follows one.
             own = joints.reshape(-1)
-            several = np.zeros((len(own), 4), np.uint8 if own.max() < _FEW_JOINTS else np.uint16)
+            several = np.zeros((len(own), 4), np.min_scalar_type(own.max()))
             several[:, 0] = own
             columns["JOINTS_0"] = several
             columns["WEIGHTS_0"] = np.tile(np.array([255, 0, 0, 0], np.uint8), (len(several), 1))

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.base.errors import InputError, Lrf3dNote
-from lrf3d.geometry.lines import LEFT, Float
+from lrf3d.base.errors import Lrf3dNote
+from lrf3d.geometry.lines import LEFT, Float, whole_number
 from lrf3d.simulation.run import Run
 from lrf3d.studio.gltf.document import LINES, Document, turned
 from lrf3d.studio.gltf.stage import add_stage
@@ -74,10 +74,9 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     """A run as a GLB file with one animation; of ``every`` scans one is kept, and 80 at most.
 
     Raises:
-        InputError: ``every`` is less than 1.
+        InputError: ``every`` is no whole number from 1.
     """
-    if every < 1:
-        raise InputError(f"every {every}: expected a whole number from 1")
+    every = whole_number(every, "every")
     least = -(-len(run) // _MOST_SCANS)
     if every < least:
         every = least

@@ -41,9 +41,6 @@ _MOST_PIECES = 60_000
 # Margin of the ground around its picture, as a multiple of the picture's longer side.
 _MARGIN = 0.25
 
-# Largest side of the picture of the ground [pixels]: old graphics cards take no larger ones.
-_LARGEST = 2048
-
 
 def add_stage(document: Document, stage: Stage, drawn: DrawnMap) -> None:
     """Add ground, walls and roofs, and the map's colours on them."""
@@ -70,19 +67,19 @@ def _add_ground(document: Document, stage: Stage) -> None:
     ground = stage.ground
     exposure = stage.exposure
     setting = stage.structures.setting
-    picture = Image.fromarray(ground.picture)
-    picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
-    day = np.asarray(picture) / look.WHITE
     x, y = (
         low + (np.arange(count) + 0.5) / count * size
-        for low, count, size in zip(ground.corner, day.shape[1::-1], ground.size, strict=True)
+        for low, count, size in zip(
+            ground.corner, ground.picture.shape[1::-1], ground.size, strict=True
+        )
     )
-    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    on = exposure.sampled(places)["sure"].reshape(day.shape[:2])
-    dark, seen = (
-        Image.fromarray(np.round(look.WHITE * np.clip(each, 0.0, 1.0)).astype(np.uint8))
-        for each in (exposed(day, share, 0.0, setting) for share in (np.zeros_like(on), on))
-    )
+    dark, seen = np.empty((2, *ground.picture.shape), np.uint8)
+    # A row at a time, as numbers of the whole picture would take half a gigabyte.
+    for row, height in enumerate(y):
+        on = exposure.sampled(np.column_stack([x, np.full_like(x, height)]))["sure"]
+        for painted, share in ((dark, np.zeros_like(on)), (seen, on)):
+            colours = exposed(ground.picture[row] / look.WHITE, share, 0.0, setting)
+            painted[row] = np.round(look.WHITE * np.clip(colours, 0.0, 1.0))
     rows, columns = (np.arange(0, side, _COARSE) for side in exposure.times.shape)
     low = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     squares = low[:, None] + _COARSE * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -92,7 +89,7 @@ def _add_ground(document: Document, stage: Stage) -> None:
         for along, name in ((np.minimum, "seen"), (np.maximum, "sure"))
     )
     unlit, lit = (
-        document.material(name, texture=document.texture(name, each, "JPEG"))
+        document.material(name, texture=document.texture(name, Image.fromarray(each), "JPEG"))
         for name, each in (("ground", dark), ("lit ground", seen))
     )
     # Eight more rectangles around the squares are a margin. None overlap, since viewers

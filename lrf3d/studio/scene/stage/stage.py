@@ -54,7 +54,7 @@ STREET = 8.0
 # Width of the pavement round houses [m].
 PAVEMENT = 1.7
 
-# Longest side of the picture of the ground [pixels].
+# Longest side of the picture of the ground [pixels]: old graphics cards take no larger ones.
 _LONGEST_SIDE = 2048
 
 # Pixels to a side that shapes are painted with in place of one: steps in their edges would show.
@@ -270,7 +270,8 @@ def ground_grid(structures: Structures) -> GroundGrid:
     low = ends.min(axis=0) - setting.margin
     high = ends.max(axis=0) + setting.margin
     pixel = max(float((high - low).max()) / _LONGEST_SIDE, setting.pixel)
-    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
+    sides = np.ceil((high - low) / pixel).clip(max=_LONGEST_SIDE)
+    width, height = sides.astype(int).tolist()
     return GroundGrid(low, pixel, (width, height))
 
 
@@ -298,5 +299,5 @@ def paint_ground(structures: Structures, grid: GroundGrid) -> GroundPicture:
     shade = np.asarray(near.resize(grid.size, Image.Resampling.BILINEAR)) / np.float32(WHITE)
     seen = np.asarray(cover) * (1.0 - _SHADED * shade)
     paint = _FLOOR if indoor else np.ones(3)
-    picture = np.round(seen[..., None] * paint).astype(np.uint8)
+    picture = np.stack([np.round(seen * tint).astype(np.uint8) for tint in paint], axis=-1)
     return GroundPicture(picture, grid.corner, grid.extent, land / WHITE * paint)
