@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from stops import Stop, stopping
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, LineMapper, OutputError, World
@@ -23,10 +24,6 @@ PLACES = np.linspace(0.0, 10.0 * np.pi, SCANS)
 POSES = np.column_stack(
     [5.0 + 3.0 * np.cos(PLACES), 5.5 + 1.5 * np.sin(PLACES), PLACES + np.pi / 2]
 )
-
-
-class Stop(Exception):
-    pass
 
 
 class Sweeping:
@@ -46,14 +43,6 @@ def simulation(mode="robust", drive=POSES, scans=None, mapper=None, **settings):
     mapper = LineMapper(mode, sigma=0.1) if mapper is None else mapper
     settings |= {"noise": lrf3d.ProportionalNoise(0.1), "mapper": mapper, "scans": scans}
     return lrf3d.Simulation(ROOM, drive, LRF, rng=7, **settings)
-
-
-def stopping(at):
-    def progress(done, total):
-        if done == at:
-            raise Stop
-
-    return progress
 
 
 @pytest.mark.parametrize("mode", ["robust", pytest.param("paper", marks=pytest.mark.slow)])
