@@ -25,7 +25,7 @@ from lrf3d.studio.scene.shapes import Inset, Lens, Seen
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
 from lrf3d.studio.scene.timeline import Moment, Timeline
-from lrf3d.studio.scene.views import margins
+from lrf3d.studio.scene.views import margin
 
 # A time [s] and a number of drives that no page gets to.
 _EVER = 1e9
@@ -164,14 +164,13 @@ class PageSession:
         """
         timeline = self.scene.timeline
         drive = self.drive
-        before, after = margins("story")
         end = 0.0 if drive else timeline.end - timeline.start
         inset = self._inset
         return {
             "title": timeline.run.world.name or (drive.name if drive else "run"),
             "mode": "drives" if drive else "plays",
             "end": end,
-            "story": [-before * timeline.playback, end + after * timeline.playback],
+            "story": [0.0, end + timeline.playback * margin("story")],
             "rates": self._rates(),
             "speed": timeline.playback,
             "trail": _legend(look.TRAIL_COLOUR),

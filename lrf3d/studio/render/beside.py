@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from lrf3d.geometry.lines import Int
-from lrf3d.studio.render.text import LINE, row_of
+from lrf3d.geometry.lines import Int, lengths
+from lrf3d.studio.render.text import LINE, gap_of, row_of, scale_of, stacked
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.found import (
@@ -17,12 +17,28 @@ from lrf3d.studio.scene.found import (
     has_false_walls,
     hits_on,
     lost_after,
+    missed_most,
     visible_to,
 )
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
 from lrf3d.studio.scene.timeline import smoothed
+
+# What draws a map, of a size [pixels].
+Draw = Callable[[Inset, tuple[int, int]], Pixels]
+
+# Height of letters of maps that are compared [pixels of 720 lines].
+_LARGE = 38.0
+
+# Height of the letters under their title, in that of its own.
+_LESSER = 0.65
+
+# What is seen in them, until the last scan and after it.
+_KEYS = (
+    "dots: what the laser measures  ·  lines: the walls of its map",
+    "dots: all that the laser measured of it  ·  red: not in the map",
+)
 
 # Height of letters [pixels of 720 lines].
 LETTER = 25.0
@@ -38,6 +54,9 @@ _CLOSE = 4.0
 
 # Time in which the map comes near to that [s of the film].
 _NEARS = 1.2
+
+# When it has gone from there again, in these times.
+_CLOSE_UNTIL = 4.0
 
 # Colour of the frame of a map, 0…255.
 _FRAME_COLOUR = (38, 50, 72)
@@ -77,25 +96,29 @@ class MapBeside:
         self._among_robots = bool(name and robots_of(scene.run.obstacles))
 
     def _window(self, time: float) -> InsetView:
-        """What is shown at a time [s]: after the last scan it comes close to a wall."""
+        """What is shown at a time [s]: after the last scan it is close to a wall for a while."""
         timeline = self._scene.timeline
         middle = self.window.middle
         # The last stop is shown for a while.
         passed = time - float(timeline.run.trajectory.times.max())
-        share = smoothed(np.clip(passed / (timeline.playback * _NEARS), 0.0, 1.0))
+        passed /= timeline.playback * _NEARS
+        share = smoothed(np.clip(min(passed, _CLOSE_UNTIL - passed), 0.0, 1.0))
         if middle is None or not len(self.close):
             return self.window
         width = self.window.width * (_CLOSE / self.window.width) ** share
         place = self.close.reshape(2, 2).mean(axis=0) - self._scene.origin
         return self.window._replace(middle=middle + share * (place - middle), width=width)
 
-    def rows(
-        self, time: float, draw: Callable[[Inset, tuple[int, int]], Pixels]
-    ) -> list[Image.Image]:
+    def has_ended(self, time: float) -> bool:
+        """Whether the map is whole at a time [s]."""
+        timeline = self._scene.timeline
+        return timeline.moment(time).mapped == len(timeline.run.trajectory.times) - 1
+
+    def rows(self, time: float, draw: Draw) -> list[Image.Image]:
         """The name, the map and its number at a time [s], with what draws it."""
         run: Any = self._scene.run
         moment = self._scene.timeline.moment(time)
-        ended = moment.mapped == len(run.trajectory.times) - 1
+        ended = self.has_ended(time)
         found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
@@ -144,6 +167,54 @@ class MapBeside:
 
     def _row(self, *words: Any) -> Image.Image:
         return row_of(words, self._letter, self.size[0])
+
+
+class Comparison:
+    """Maps of one drive under other conditions, by their names, side by side under a title.
+
+    In the end they come close to the wall that most of them miss, which the title then names.
+    """
+
+    def __init__(self, scenes: Mapping[str, Scene], size: tuple[int, int], title: str) -> None:
+        width, height = size
+        count = max(1, len(scenes))
+        letter = _LARGE * scale_of(size)
+        self.title = title
+        self._gap = gap_of(size)
+        self._head = round((1.0 + _LESSER) * LINE * letter) + self._gap
+        self._size = size
+        self._widths = np.diff(np.linspace(0, width, count + 1).astype(int)).tolist()
+        # Each map has a name over it, and a number under it.
+        high = height - self._head - round(2.0 * LINE * letter) - self._gap
+        room = width // count - 2 * self._gap, high
+        colours = look.PALE_WALL, look.TRAIL_COLOUR
+        self.maps = [
+            MapBeside(scene, room, letter, name, colours) for name, scene in scenes.items()
+        ]
+        runs: list[Any] = [each.timeline.run for each in scenes.values()]
+        close = missed_most(runs)
+        for each in self.maps:
+            each.close = close
+        sizes = [f"A wall of {100.0 * long:.0f} cm" for long in lengths(close)]
+        lost = [f"{each} is lost in the scatter of its hits" for each in sizes]
+        self._heads = [
+            [
+                row_of(((title, INK),), letter, width - 2 * self._gap),
+                row_of(((key, PALE),), _LESSER * letter, width - 2 * self._gap),
+            ]
+            for title, key in zip((title, *lost, title), _KEYS, strict=False)
+        ]
+
+    def picture(self, time: float, draws: Iterable[Draw]) -> Pixels:
+        """The maps (h, w, 3) at a time [s], each with what draws it."""
+        width, height = self._size
+        sides = zip(self.maps, draws, self._widths, strict=True)
+        columns = [
+            stacked(each.rows(time, draw), (wide, height - self._head), self._gap)
+            for each, draw, wide in sides
+        ]
+        head = self._heads[int(self.maps[0].has_ended(time))]
+        return np.vstack([stacked(head, (width, self._head), self._gap), np.hstack(columns)])
 
 
 def together(team: Mapping[str, Scene], time: float) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from lrf3d.studio.scene.look import (
     NIGHT_LOW,
     RIM,
     TINY,
+    TOP_TINT,
     WHITE,
 )
 
@@ -331,7 +332,7 @@ def shade(
             if found > 0.0:
                 x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
                 sample(laser.tints, x, y, laser.area, tint)
-                share = keeps * found * most * MAP_SHARE
+                share = keeps * found * (wall + (1.0 - wall) * TOP_TINT * surfaces.top) * MAP_SHARE
                 front = 0.5 * wall * found * min(max(1.0 - climbed / FRONT, 0.0), 1.0)
                 light = share * (MAP_LIGHT[0] + MAP_LIGHT[1] * bright) + front
                 for k in range(3):

@@ -16,7 +16,7 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.beside import INK, LETTER, PALE, MapBeside, together
+from lrf3d.studio.render.beside import INK, LETTER, PALE, Comparison, MapBeside, together
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of, stacked
 from lrf3d.studio.scene import panel
@@ -25,11 +25,11 @@ from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.look import PALE_WALL, SIZE, TRAIL_COLOUR, Colour
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
 from lrf3d.studio.scene.shapes import Label, Pixels
-from lrf3d.studio.scene.shots import LENGTH, LONGEST, SHORTEST, SHOTS
+from lrf3d.studio.scene.shots import FIRST_SHOT, LENGTH, LONGEST, SHORTEST, SHOTS
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
 from lrf3d.studio.scene.timeline import Moment, Timeline
-from lrf3d.studio.scene.views import make_camera, margins
+from lrf3d.studio.scene.views import make_camera, margin
 from lrf3d.world.cameras import check_view
 
 # Time past its end at which a run can still be shown [s], as sums of steps are rounded.
@@ -41,17 +41,14 @@ _SMALLEST = 16
 # Largest side of a picture [pixels], which graphics cards still draw.
 _LARGEST = 8192
 
+# Time that the drive of a short run takes, if it is not slower than it was [s of the film].
+_LEAST_DRIVE = 8.0
+
 # Width of the strip with the map, in that of the picture.
 _WIDEST = 0.27
 
 # Least width of the map, of which a smaller one is left out [pixels].
 _LEAST_SIDE = 30
-
-# Largest height of the map under a picture, in that of both.
-_HIGHEST = 0.46
-
-# Height of the letters over and under that, in that of both.
-_NAMES = 0.045
 
 # Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one.
 _RENDERERS = ("embree", "gl")
@@ -73,10 +70,8 @@ class FilmOptions:
     layers: Collection[str] = LAYERS
     # A goal to be marked on the ground.
     goal: Goal | None = None
-    # What the map is called, whose number of walls is then said.
+    # What is said of maps that are compared.
     title: str = ""
-    # Whether the map stands under the picture, not beside it.
-    below: bool = False
     # Whether times follow that a story leaps over.
     leaps: bool = True
 
@@ -93,8 +88,9 @@ class FilmOptions:
         length = number(usual, "length", least=SHORTEST, most=LONGEST)
         playback = self.playback
         if playback is None and view == "story":
-            # It shows only parts of a long run, at the usual speed.
-            playback = run.film.playback_of(0.0)
+            # It shows only parts of a long run, at the usual speed, and a short one more slowly.
+            slower = max(1.0, run.trajectory.duration / _LEAST_DRIVE)
+            playback = min(run.film.playback_of(0.0), slower)
         elif playback is None:
             playback = run.playback if self.length is None else run.trajectory.duration / length
         paired = isinstance(self.size, tuple | list) and len(self.size) == 2
@@ -144,7 +140,8 @@ class Film:
     """Draws pictures of a run, whose stage may have been painted already.
 
     The options are those of :class:`FilmOptions`. If given, the maps of several robots' runs, by
-    their names, stand beside the picture, the run's own first.
+    their names, stand beside the picture, the run's own first. Those that are compared take its
+    place when a story has opened.
     """
 
     def __init__(
@@ -153,6 +150,7 @@ class Film:
         *,
         stage: Stage | None = None,
         maps: Mapping[str, tuple[Run, Stage]] = MappingProxyType({}),
+        compared: Mapping[str, tuple[Run, Stage]] = MappingProxyType({}),
         **options: Any,
     ) -> None:
         chosen = FilmOptions(**options).of(run)
@@ -169,25 +167,25 @@ class Film:
         self.scene = Scene(self.timeline, chosen.goal, stage, team=team)
         self._layers = chosen.layers
         self._full = chosen.panel == "full"
-        self._scenes = {
-            name: Scene(
-                Timeline(each, playback=chosen.playback), None, painted, team={each: team.get(each)}
-            )
-            for name, (each, painted) in maps.items()
-        }
+
+        def made(each: Run, painted: Stage) -> Scene:
+            timeline = Timeline(each, playback=chosen.playback)
+            return Scene(timeline, None, painted, team={each: team.get(each)})
+
+        self._scenes, others = (
+            {name: made(each, painted) for name, (each, painted) in some.items()}
+            for some in (maps, compared)
+        )
+        self._comparison = Comparison(others, chosen.size, chosen.title)
         room = self._lay_out(chosen)
         self.maps = self._maps_in(room, chosen, colours)
         # Width of the strip with the map [pixels], in which nothing else is drawn.
-        self._strip = bool(self.maps) * (not chosen.below) * (room[0] + 2 * self._gap)
-        self._below = chosen.below and bool(self.maps)
+        self._strip = bool(self.maps) * (not others) * (room[0] + 2 * self._gap)
         self._size = chosen.size
-        if self._below:
-            width, height = chosen.size
-            self._size = width, height - 2 * self._head - self.maps[0].size[1]
         self.renderer = _renderer(self.scene.stage, self._size, chosen)
         # What shows one map draws it, too; of several, each is on what its own robot has seen.
         self._drawers = [
-            _renderer(each.stage, self._size, chosen) for each in self._scenes.values()
+            _renderer(each.stage, self._size, chosen) for each in (others or self._scenes).values()
         ] or [self.renderer]
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         if isinstance(self.camera, Story):
@@ -201,14 +199,10 @@ class Film:
         width, height = chosen.size
         self._gap = gap_of(chosen.size)
         self._letter = scale_of(chosen.size) * LETTER
-        if chosen.below:
-            self._letter = _NAMES * height
-        self._head = round(LINE * self._letter) + self._gap
-        if chosen.below:
-            return width - 2 * self._gap, round(_HIGHEST * (height - 2 * self._head))
+        head = round(LINE * self._letter) + self._gap
         # Each map has a name and a number; a legend and a scale stand under all.
         count = max(1, len(self._scenes))
-        high = height // count - (count + 2) * (2 * self._head - self._gap) // count
+        high = height // count - (count + 2) * (2 * head - self._gap) // count
         return round(_WIDEST * width) - 2 * self._gap, high
 
     def _maps_in(
@@ -218,7 +212,7 @@ class Film:
         if "inset" not in chosen.layers or min(room) < _LEAST_SIDE:
             return []
         walls = colours if self._scenes else [PALE_WALL]
-        named = self._scenes or {chosen.title: self.scene}
+        named = self._scenes or {"": self.scene}
         return [
             MapBeside(scene, room, self._letter, name, pair)
             for (name, scene), *pair in zip(named.items(), walls, colours, strict=False)
@@ -228,6 +222,8 @@ class Film:
         """The picture (h, w, 3) uint8 at a time of the run [s]."""
         moment = self.timeline.moment(time)
         view = self._view(time)
+        if self._comparison.maps and view.shot != FIRST_SHOT:
+            return self._comparison.picture(time, [each.plan for each in self._drawers])
         seen = self.scene.seen(moment, view, self._size, self._layers)
         # What is left of the picture; the strip leaves it to the right.
         width, _ = self._size
@@ -237,12 +233,13 @@ class Film:
         picture: Pixels = self.renderer.draw(seen)
         if "hud" in self._layers:
             lay_label(picture, self._label(moment, view))
-        return picture if columns == width and not self._below else self._beside(picture, time)
+        return picture if columns == width else self._beside(picture, time)
 
     def _label(self, moment: Moment, view: Look) -> Label:
         """The text of a moment, of several robots with what their maps hold."""
         words = together(self._scenes, moment.time) if self._scenes else ("",)
-        heads = dict.fromkeys(("rise", "whole"), words[0])
+        heads = {FIRST_SHOT: self._comparison.title}
+        heads |= dict.fromkeys(("rise", "whole"), words[0])
         heads |= dict.fromkeys(SHOTS, words[(1 + view.robot) % len(words)])
         if head := heads.get(view.shot):
             view = replace(view, said=(head, *view.said[1:]))
@@ -259,14 +256,10 @@ class Film:
         return label
 
     def _beside(self, picture: Pixels, time: float) -> Pixels:
-        """A picture (h, w, 3) with the maps of a time [s] under it, or in the strip beside it."""
+        """A picture (h, w, 3) with the maps of a time [s] in the strip beside it."""
         maps = zip(self.maps, self._drawers, strict=True)
         rows = [row for each, renderer in maps for row in each.rows(time, renderer.plan)]
         width, height = self._size
-        if self._below:
-            foot = width, self.maps[0].size[1] + self._head
-            parts = stacked(rows[:1], (width, self._head), self._gap), picture
-            return np.vstack([*parts, stacked(rows[1:], foot, self._gap)])
         strip = stacked([*rows, *self.maps[0].legend()], (self._strip, height), self._gap)
         # What leaves the picture leaves it to the right.
         return np.hstack([picture, strip[:, : width - picture.shape[1]]])
@@ -302,10 +295,9 @@ def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
     timeline = Timeline(run, playback=chosen.playback)
-    # The pictures of the opening and the end can be drawn, too.
-    before, after = (timeline.playback * margin for margin in margins(str(chosen.view)))
-    first = timeline.start - before
-    last = timeline.end + after
+    first = timeline.start
+    # The pictures of the end can be drawn, too.
+    last = timeline.end + timeline.playback * margin(str(chosen.view))
     # Checked before anything is painted, which takes seconds.
     if not first - SLACK <= time <= last + SLACK:
         raise InputError(f"time {time:g} s: pictures go from {first:g} to {last:g} s")

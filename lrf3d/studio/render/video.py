@@ -14,26 +14,19 @@ from PIL import Image
 from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.files import as_path, replacing, unfinished_folder
 from lrf3d.base.interrupts import Progress, silent, stoppable
-from lrf3d.geometry.lines import Float, is_finite, lengths, number, whole_number
+from lrf3d.geometry.lines import Float, is_finite, number, whole_number
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.beside import INK
 from lrf3d.studio.render.film import SLACK, FilmOptions
-from lrf3d.studio.render.text import LINE, gap_of, row_of, stacked
 from lrf3d.studio.render.workers import Job, draw
-from lrf3d.studio.scene.found import missed_most
-from lrf3d.studio.scene.look import NOTHING
 from lrf3d.studio.scene.moments import MARKS
 from lrf3d.studio.scene.shapes import Pixels
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.timeline import Timeline
-from lrf3d.studio.scene.views import film_times, margins
+from lrf3d.studio.scene.views import film_times, margin
 
 # Compression of pictures 0…9, beyond which a file takes twice the time and hardly gets smaller.
 _EFFORT = 4
-
-# Height of what stands over columns, in that of the picture.
-_HEADING = 0.08
 
 # Number of pictures of a film that choose the colours of a GIF: more choose the same ones.
 _EXAMPLES = 24
@@ -60,8 +53,8 @@ def render_video(
         fps: Frames a second; a .gif can have up to 50, a .webp up to 200.
         workers: Number of processes; as many as there are cores if not given.
         part: From when to when the run is shown [s]; from its start, to its end if not given.
-        columns: The same drive under other conditions, by their names, the run among them; all are
-            shown side by side, each over its map, under the ``title``.
+        columns: The same drive under other conditions, by their names, the run among them: a story
+            opens with the run, and then the maps of all stand side by side under the ``title``.
         maps: Runs of robots that drive at the same time, by their names, the run first; the map of
             each is shown.
         progress: Called with frames done and frames in all, as the film grows.
@@ -98,24 +91,19 @@ def render_video(
     total = len(times)
     examples = np.linspace(0, total - 1, min(total, _EXAMPLES) * kind.palette).astype(int)
     stage = stage_of(run)
-    others = {name: (each, stage_of(each)) for name, each in (maps or {}).items()}
+    others, compared = (
+        {name: (each, stage_of(each)) for name, each in (some or {}).items()}
+        for some in (maps, columns)
+    )
     # Robots that drive at the same time light one world, whose frame goes with what each sees.
     frames = [(one.exposure, one.structures.origin) for _, one in others.values()]
     lights = [
         replace(one, corner=one.corner + origin - stage.structures.origin) for one, origin in frames
     ]
     light = reduce(Exposure.joined, lights, stage.exposure)
-    none = np.zeros((0, chosen.size[0], 3), np.uint8)
-    job = Job(
-        [(run, chosen, stage._replace(exposure=light))],
-        np.concatenate([times[examples], times]),
-        MARKS,
-        others,
-        [none, none],
-        NOTHING,
-    )
-    if columns:
-        job = _side_by_side(job, chosen, columns)
+    shown_times = np.concatenate([times[examples], times])
+    stage = stage._replace(exposure=light)
+    job = Job(run, chosen, stage, shown_times, MARKS, others, compared)
 
     def counted(pictures: Iterable[Pixels]) -> Iterator[Pixels]:
         for done, picture in enumerate(pictures, 1):
@@ -135,24 +123,6 @@ def render_video(
             )
 
 
-def _side_by_side(job: Job, chosen: FilmOptions, columns: Mapping[str, Run]) -> Job:
-    """A job whose pictures show runs in columns, by their names, under a heading."""
-    close = missed_most(columns.values())
-    sizes = [f"A wall of {100.0 * long:.0f} cm" for long in lengths(close)]
-    lost = "".join(f"{each} is lost in the scatter of its hits" for each in sizes)
-    width, height = chosen.size
-    high = round(_HEADING * height)
-    size = width // len(columns) // 2 * 2, height - high
-    gap = gap_of(size)
-    headings = [
-        stacked([row_of(((words, INK),), high / LINE, width - 2 * gap)], (width, high), gap)
-        for words in (chosen.title, lost or chosen.title)
-    ]
-    look = replace(chosen, size=size, layers=frozenset(chosen.layers) - {"hud"}, below=True)
-    drawn = [(each, replace(look, title=name), stage_of(each)) for name, each in columns.items()]
-    return job._replace(columns=drawn, headings=headings, close=close)
-
-
 def _frame_times(
     run: Run, options: FilmOptions, fps: float, part: tuple[float | None, float | None]
 ) -> Float:
@@ -168,7 +138,7 @@ def _frame_times(
     if low == -np.inf and high == np.inf:
         return film_times(view, timeline, fps, options.length)
     # A given part of the run is shown without gaps.
-    times = timeline.frame_times(fps, margins(view))
+    times = timeline.frame_times(fps, margin(view))
     chosen = times[(times >= low - SLACK) & (times <= high + SLACK)]
     if not len(chosen):
         raise InputError(

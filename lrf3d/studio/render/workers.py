@@ -50,18 +50,17 @@ _WAIT = 0.1
 class Job(NamedTuple):
     """Pictures to draw, at times (frames,) of a run [s].
 
-    Runs stand side by side under a heading, each with its options, or only the maps of others, by
-    their names; stages are painted once for all.
+    The maps of others stand beside it, or are compared, by their names; stages are painted once for
+    all.
     """
 
-    columns: list[tuple[Run, FilmOptions, Stage]]
+    run: Run
+    look: FilmOptions
+    stage: Stage
     times: Float
     marks: dict[str, Callable[..., Mark | None]]
     maps: dict[str, tuple[Run, Stage]]
-    # Until the last scan and after it; nothing (0, w, 3) where there is none.
-    headings: list[Pixels]
-    # The wall that all maps come close to in the end (1, 4), if there is one (0, 4) [m].
-    close: Float
+    compared: dict[str, tuple[Run, Stage]]
 
 
 def draw(job: Job, scratch: Path, workers: int | None) -> Generator[Pixels, None, None]:
@@ -142,20 +141,10 @@ def main(job_file: str, number: str, count: str, pipe: str) -> None:
     try:
         job: Job = pickle.loads(Path(job_file).read_bytes())
         MARKS.update(job.marks)
-        films = [
-            Film(run, stage=stage, maps=job.maps, **asdict(look))
-            for run, look, stage in job.columns
-        ]
-        for film in films:
-            # All are seen from one place.
-            film.camera = films[0].camera
-            for each in film.maps:
-                # All come close to one wall.
-                each.close = job.close
+        sides = {"maps": job.maps, "compared": job.compared}
+        film = Film(job.run, stage=job.stage, **sides, **asdict(job.look))
         for time in job.times[int(number) :: int(count)].tolist():
-            picture = np.hstack([film.draw(time) for film in films])
-            heading = job.headings[int(time >= films[0].run.trajectory.times.max())]
-            end.send(np.vstack([heading[:, : picture.shape[1]], picture]))
+            end.send(film.draw(time))
     except BrokenPipeError:
         # Nobody else is left to tidy up.
         shutil.rmtree(Path(job_file).parent, ignore_errors=True)

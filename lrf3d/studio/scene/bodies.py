@@ -225,11 +225,14 @@ class Obstacles:
         return together(shadows) if shadows else None
 
     def past(self, time: float, playback: float) -> Soft | None:
-        """Where the bodies were shortly before a time [s], fading with age."""
+        """Where the bodies were shortly before a time [s], fading with age; robots have trails."""
         found = list[Soft]()
         for age in range(1, _PAST + 1):
             poses = self._poses(time - age * _PAST_STEP * playback)
-            for pose, top, colour in zip(poses, self._tops, self._colours, strict=True):
+            bodies = zip(self._obstacles, poses, self._tops, self._colours, strict=True)
+            for each, pose, top, colour in bodies:
+                if each.is_robot:
+                    continue
                 level = _placed(top.reshape(-1, 2), pose)
                 tint = [*colour, 0.5 * (1.0 - age / (_PAST + 1))]
                 found.append(_flat(level, 0.5 * TRAIL_HEIGHT, np.tile(tint, (len(level), 1))))

@@ -10,6 +10,7 @@ import shapely
 
 from lrf3d.geometry.lines import Float
 from lrf3d.studio.scene.camera import AIM, CameraPath, Look, PathCamera, SmoothPath
+from lrf3d.studio.scene.drift import Drift
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
@@ -62,6 +63,9 @@ _TOP_FIELD = float(np.radians(3.0))
 # Where an overview may stand [rad]: the sun shines on the sides of houses that are seen.
 _SIDES = np.radians(np.arange(-110.0, 0.0, 5.0))[:, None]
 
+# Share of an overview's worth that it loses if the robot is hidden in the end.
+_HIDDEN = 0.6
+
 # Angular speed of an overview [rad/s of the film].
 DRIFT = np.radians(1.2)
 
@@ -71,6 +75,9 @@ _LONGEST = 20.0
 
 # How far the whole reaches past its walls [m].
 _PAST = 0.5
+
+# Distance from the drive within which the path by odometry is shown, in extents of the drive.
+_ASTRAY = 1.5
 
 # Extent of a world from which on only what is near the drive is shown as the whole [m].
 _LARGEST_WORLD = 600.0
@@ -168,12 +175,14 @@ def overview(
     """Shows the whole world from its best side, and drifts slowly round it [rad/s of the film].
 
     It reaches that side at a given time [s] of a story, or else in the middle of the run. It may
-    look down as steeply as fills the picture best [rad].
+    look down as steeply as fills the picture best [rad]. In the end it sees the robot.
     """
     corners = corners_of(timeline, structures)
     passed = np.linspace(-_LONGEST, _LONGEST, 9)
     middle = 0.5 * (timeline.start + timeline.end) if at is None else at
     times = middle + passed * timeline.playback
+    # Where the robot is in the end.
+    last = timeline.poses(np.array([timeline.end]))[:, :2] - timeline.origin
 
     @cache
     def track(aspect: float) -> CameraPath:
@@ -183,8 +192,11 @@ def overview(
             fitted(corners, times[:1], side, steep, *shape)
             for side, steep in product(_SIDES, steeps or [usual])
         ]
-        # From where the ground takes the most of the picture.
-        best = max(tracks, key=lambda track: float(np.sin(track.steeps[0]) / track.aways[0] ** 2))
+        # From where the ground takes the most of the picture, and no wall hides the robot.
+        eyes = np.array([track.eyes() for track in tracks])
+        ground = np.array([np.sin(track.steeps[0]) / track.aways[0] ** 2 for track in tracks])
+        hidden = structures.hides(eyes, last, timeline.run.radius, structures.tops)
+        best = tracks[int(np.argmax(ground * (1.0 - _HIDDEN * hidden)))]
         return fitted(corners, times, best.turns + drift * passed, best.steeps.item(), *shape)
 
     return PathCamera(track, {"cuts": True, "dusk": 1.0, "shot": "whole"})
@@ -207,7 +219,15 @@ def top(timeline: Timeline, structures: Structures) -> PathCamera:
 
 def corners_of(timeline: Timeline, structures: Structures) -> Float:
     """Corners (n, 3) of all that is to be in a picture of the whole [m]."""
-    path = timeline.run.trajectory.poses[:, :2] - timeline.origin
+    run = timeline.run
+    path = run.trajectory.poses[:, :2] - timeline.origin
+    drift = Drift.of(run, timeline.origin, timeline.playback)
+    if drift is not None:
+        ghost = drift.alone.poses[:, :2]
+        # Odometry may go astray without end.
+        reach = np.ptp(path, axis=0).max()
+        near = (np.abs(ghost - path.mean(axis=0)) < _ASTRAY * reach).all(axis=1)
+        path = np.concatenate([path, ghost[near]])
     ends = structures.places
     if len(ends) and float(np.ptp(ends, axis=0).max()) > _LARGEST_WORLD:
         low = path.min(axis=0) - _DRIVE_AROUND

@@ -26,6 +26,9 @@ CLOSING_TIME = 2.4
 # Least distance that a loop removes to be reported [m]: less is not seen in a picture.
 _SEEN = 0.02
 
+# Least distance by which a loop moves the estimate so that it is seen to close [m].
+CLOSES = 0.5
+
 # Opacity of the ghost of the robot.
 _GHOST = 0.55
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from functools import partial
+from typing import Any
 
 import numpy as np
 import shapely
@@ -11,6 +12,8 @@ from lrf3d.geometry.lines import Bool, Float, Int, cross, directions
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
 from lrf3d.simulation.run import Run
+from lrf3d.studio.scene.glass import walls_of
+from lrf3d.studio.scene.look import NOTHING
 from lrf3d.studio.scene.marks import false_pieces
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.world import World
@@ -60,9 +63,31 @@ def lost_after(run: Run, scan: int) -> Float:
     return visible_to(run)[0][~found_after(run, scan)] if ended else np.zeros((0, 4))
 
 
+def lost_words(run: Run) -> str:
+    """How many walls its last map misses, and which: of glass, or hit in how many scans."""
+    _, walls = visible_to(run)
+    lost = walls[~found_after(run, len(run) - 1)]
+    if not len(lost):
+        return ""
+    words = f"{len(lost)} missed"
+    clear = np.isin(lost, walls_of(run.world, lambda material: material.passes))
+    if clear.any():
+        return f"{words}, {clear.sum()} of glass"
+    hit = np.array([np.isin(lost, scan.walls[scan.hits]) for scan in run.scans]).sum(axis=0)
+    low = int(hit.min())
+    high = int(hit.max())
+    return f"{words}: hit in {f'{low} to ' * (low < high)}{high} of {len(run)} scans"
+
+
+def distances(run: Any, scan: int | None = None) -> str:
+    """How many distances a run's laser has measured, up to a scan if one is given."""
+    last = len(run.ranges) if scan is None else scan + 1
+    return f"{np.isfinite(run.ranges[:last]).sum():,} distances"
+
+
 def missed_most(runs: Iterable[Run]) -> Float:
     """The part of a wall (1, 4) that most maps of some runs miss; (0, 4) where none is missed."""
-    lost = np.concatenate([lost_after(run, len(run) - 1) for run in runs])
+    lost = np.concatenate([NOTHING, *(lost_after(run, len(run) - 1) for run in runs)])
     parts, counts = np.unique(lost, axis=0, return_counts=True)
     return np.asarray(parts[counts == counts.max(initial=0)][:1])
 

@@ -36,7 +36,7 @@ TURNED_COLOUR = BACK_COLOUR
 # Colour of a beam that comes back from a reflector.
 REFLECTED_COLOUR = look.MATERIAL_COLOURS["retro"]
 
-# Distance from a pane within which a beam ends there [m]: more than the noise of usual lasers.
+# Distance from a pane or a robot within which a beam ends there [m]: more than usual noise.
 _AT_PANE = 0.1
 
 # Width of the parts of a front of glass [m].
@@ -146,13 +146,13 @@ def at_glass(world: World, starts: Float, ends: Float) -> tuple[Bool, Bool]:
 
 
 def _panes(world: World) -> shapely.Geometry:
-    walls = world.segments[_walls_of(world, lambda material: material.passes)]
+    walls = world.segments[walls_of(world, lambda material: material.passes)]
     panes = shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2)))
     shapely.prepare(panes)
     return panes
 
 
-def _walls_of(world: World, chosen: Callable[[Material], bool]) -> Int:
+def walls_of(world: World, chosen: Callable[[Material], bool]) -> Int:
     """The walls of chosen materials."""
     objects = [one is not None and chosen(one) for one in world.materials]
     return np.flatnonzero(np.isin(world.objects, np.flatnonzero(objects)))
@@ -162,9 +162,19 @@ def met_reflectors(run: Shown, number: int) -> Int:
     """The hits of a scan that came back from reflectors, one of each."""
     scan = run.scans_at(number)[0]
     walls = scan.walls[scan.hits]
-    bright = _walls_of(run.world, lambda material: material.retro > 1.0)
+    bright = walls_of(run.world, lambda material: material.retro > 1.0)
     met, first = np.unique(walls, return_index=True)
     return first[np.isin(met, bright)]
+
+
+def _met_robots(run: Shown, number: int, ends: Float) -> Bool:
+    """Which hits (n, 2) of a scan lie on other robots."""
+    now = run.trajectory.times[number : number + 1]
+    met = np.zeros(len(ends), bool)
+    for each in filter(lambda obstacle: obstacle.is_robot, run.obstacles):
+        away = np.hypot(*(ends - each.path.at(now)[:, :2]).T)
+        met |= away < each.reach + _AT_PANE
+    return met
 
 
 class TellingBeams(NamedTuple):
@@ -178,7 +188,7 @@ class TellingBeams(NamedTuple):
 
 
 def telling_beams(run: Shown, number: int) -> list[TellingBeams]:
-    """The beams of a scan that went through glass or came back from it, or from reflectors."""
+    """The beams of a scan at glass, and those that other robots or reflectors send back."""
     return _SHOWN.of((run, number), partial(_telling, run, number))
 
 
@@ -191,8 +201,12 @@ def _telling(run: Shown, number: int) -> list[TellingBeams]:
         words = f"{counted(int(through.sum()), 'beam')} through glass"
         found.append(TellingBeams(words, ends[through], THROUGH_COLOUR))
         found.append(TellingBeams(f"{back.sum()} back from it", ends[back], BACK_COLOUR))
+    met = _met_robots(run, number, ends)
+    if met.any():
+        words = f"{counted(int(met.sum()), 'beam')} that another robot stops"
+        found.append(TellingBeams(words, ends[met], look.FALSE_COLOUR))
     bright = met_reflectors(run, number)
-    if len(bright):
+    if len(bright) and not run.obstacles:
         words = f"back from {counted(len(bright), 'reflector')}"
         found.append(TellingBeams(words, ends[bright], REFLECTED_COLOUR))
     return found

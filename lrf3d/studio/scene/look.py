@@ -99,6 +99,9 @@ LEAST_FALL = 0.30
 # Share of the map's colour in a mapped wall.
 MAP_SHARE = 0.84
 
+# How much less of it tops have, which no beam meets.
+TOP_TINT = 0.12
+
 # How bright the map's colour is on black, and how much brighter on white.
 MAP_LIGHT = (0.26, 1.10)
 

@@ -87,6 +87,9 @@ _CLEARER = 1.5
 # Half the width of the ribbons along walls that the map misses, in the distance of the eye.
 _RIBBON = 0.004
 
+# Height of the pins that point at these, likewise.
+_PIN = 0.018
+
 # Diameter of a point of the inset [m], at least and at most [pixels of 720 lines].
 _SPOT = 0.1, (6.0, 12.0)
 
@@ -223,11 +226,7 @@ class Scene:
             ("shadow", "shadow", bodies.robot_shadow(pose, self.run.radius)),
             ("shadow", "shadows", self.obstacles.shadows(moment.time)),
             ("trail", "past", self.obstacles.past(moment.time, self.timeline.playback)),
-            (
-                "estimate",
-                "ghost",
-                self._drift and self._drift.ghost(now),
-            ),
+            ("estimate", "ghost", self._drift and self._drift.ghost(now)),
             ("goal", "goal", self._goal),
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
@@ -388,7 +387,7 @@ class Scene:
             yield "beams", "turned beam", turned
 
     def _lost(self, moment: Moment, view: Look) -> Soft | None:
-        """Ribbons along the walls that the map misses in the end, which nothing hides."""
+        """Ribbons along the walls that the map misses in the end, with pins; nothing hides them."""
         # Robots share their walls.
         if view.shot != "end" or self._robots:
             return None
@@ -397,9 +396,14 @@ class Scene:
         start, end = np.hsplit(lost, 2)
         aside = _RIBBON * view.away * directions(lost) @ LEFT
         quads = np.stack([start + aside, end + aside, end - aside, start - aside], axis=1)
-        corners = np.insert(quads[:, [0, 1, 2, 0, 2, 3]], 2, self._height, axis=2)
-        colours = np.tile([*look.FALSE_COLOUR, 1.0], (2 * len(lost), 3, 1))
-        return Soft(single(corners.reshape(-1, 3, 3)), single(colours), on_top=True)
+        ribbons = np.insert(quads[:, [0, 1, 2, 0, 2, 3]], 2, self._height, axis=2)
+        tips = np.insert(0.5 * (start + end), 2, self._height, axis=1)
+        right, up, _ = view.pose[:3, :3].T
+        size = _PIN * view.away
+        pins = np.stack([tips, tips + size * (up - right), tips + size * (up + right)], axis=1)
+        corners = np.concatenate([ribbons.reshape(-1, 3, 3), pins])
+        colours = np.tile([*look.FALSE_COLOUR, 1.0], (len(corners), 3, 1))
+        return Soft(single(corners), single(colours), on_top=True)
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""

@@ -10,13 +10,14 @@ import numpy as np
 
 from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
+from lrf3d.geometry.lines import lengths
 from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
-from lrf3d.studio.scene.drift import CLOSING_TIME, GHOST_COLOUR, Drift
-from lrf3d.studio.scene.found import false_after, false_words, found_after, lost_after
+from lrf3d.studio.scene.drift import CLOSES, CLOSING_TIME, GHOST_COLOUR, Drift
+from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import NAMED, Label
@@ -27,7 +28,7 @@ from lrf3d.studio.scene.timeline import Moment, lasting
 PANELS = ("full", "short")
 
 # Height of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide.
-_SIZE = 40.0
+SIZE = 40.0
 
 # Height of letters where all numbers are said [pixels of 720 lines].
 _FULL_SIZE = 19.0
@@ -62,7 +63,8 @@ def _mapped(run: Run, scan: int) -> str:
         return counted(run.ranges.shape[1], "laser beam")
     found = found_after(run, scan)
     if not len(found):
-        return f"{counted(len(run.map_after(scan)), 'segment')} mapped"
+        segments = len(run.map_after(scan))
+        return f"{counted(segments, 'segment')} mapped" if segments else distances(run, scan)
     false = false_words(false_after(run, scan))
     return f"{found.sum()} of {counted(len(found), 'wall')} found{false}"
 
@@ -74,8 +76,13 @@ def _closing(run: Run, moment: Moment, playback: float) -> str:
         return ""
     since = moment.time - run.trajectory.times.min() - drift.times
     fresh = np.flatnonzero((since >= 0.0) & (since < CLOSING_TIME * playback))
-    removed = drift.removed[fresh[-1:]].tolist()
-    return "".join(f"A loop closes: {_metres(each)} of drift removed" for each in removed)
+    if not len(fresh):
+        return ""
+    removed = drift.removed[fresh[-1]]
+    # What hardly moves the estimate is not seen to close.
+    if removed < CLOSES:
+        return f"A known place again: {_metres(removed)} corrected"
+    return f"A loop closes: {_metres(removed)} of drift removed"
 
 
 def _drift_of(run: Run, playback: float) -> Drift | None:
@@ -118,7 +125,7 @@ def panel(
         *((words, _PALE) for words in said),
         *_trails(run, moment, view.shot, playback, robots),
     ]
-    return _label([(head, _INK), *others], _FULL_SIZE if full else _SIZE)
+    return _label([(head, _INK), *others], _FULL_SIZE if full else SIZE)
 
 
 def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> str:
@@ -155,18 +162,24 @@ def _card(run: Run, playback: float) -> Label:
         found = f"{_mapped(run, -1)}, {counted(len(run), 'scan')}"
         rest = "what it never saw stays dark"
     elif not (run.knows_truth and len(run.world.segments)):
-        found = f"{counted(len(run.map), 'segment')}, {objects}"
-        rest = ""
+        driven = lengths(np.hstack([run.trajectory.poses[:-1, :2], run.trajectory.poses[1:, :2]]))
+        found = f"{distances(run)} became {counted(len(run.map), 'segment')}"
+        rest = f"{driven.sum():.0f} m driven  ·  {objects}"
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         found += false_words(false_after(run, len(run) - 1))
         rest = f"what it never saw stays dark  ·  {objects}"
-    lost = len(lost_after(run, len(run) - 1))
-    missed = [(f"{NAMED} {lost} missed", _whole(look.FALSE_COLOUR))] * bool(lost)
-    said = [(subject_of(run, playback).found, _INK), (rest, _PALE)]
-    first, *others = _drifted(run, playback) or said
+    lost = lost_words(run)
+    missed = [(f"{NAMED} {lost}", _whole(look.FALSE_COLOUR))] * bool(lost)
+    subject = subject_of(run, playback)
+    told = [(subject.found, _INK)] * bool(subject.found)
+    drifted = _drifted(run, playback)
     # What the film is about comes first.
-    return _label([first, (found, _PALE if first[0] else _INK), *missed, *others], _SIZE)
+    if subject.moment is not None:
+        told += drifted[:1]
+        drifted = drifted[1:]
+    colour = _PALE if told else _INK
+    return _label([*told, (found, colour), *missed, *drifted, (rest, _PALE)], SIZE)
 
 
 def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
@@ -174,7 +187,7 @@ def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]
     drift = _drift_of(run, playback)
     if drift is None or run.estimate is None:
         return []
-    loops = counted(len(run.estimate.closures), "loop closure")
+    loops = f"{counted(len(run.estimate.closures), 'loop closure')}: at a known place again"
     alone = f"━ Odometry alone ends {_metres(drift.total)} off"
     return [(alone, _whole(GHOST_COLOUR)), (loops, _PALE)]
 

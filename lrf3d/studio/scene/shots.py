@@ -1,8 +1,8 @@
 """The shots of a film: which parts of a run it shows, chosen by how much happens there.
 
-A film takes about fifteen seconds, however long the run is. It opens in the dark before the run and
-shows the first scan; then it shows the parts of the run in which most happens and, last and in slow
-motion, what it is about. It ends on a turn about the whole world, in which the rest of the run
+A film takes about fifteen seconds, however long the run is. It opens as the light of the first scan
+spreads in the dark; then it shows the parts of the run in which most happens and, in slow motion,
+what it is about. It ends on a turn about the whole world, in which the rest of the run
 completes the map in fast motion. A short run is shown without gaps.
 """
 
@@ -25,8 +25,8 @@ SHORTEST = 4.0
 # Longest film that may be asked for [s].
 LONGEST = 3600.0
 
-# Time for which a film shows the robot before the run starts [s of the film].
-OPENING = 1.2
+# Age of the light of the first scan as a film begins [s of the film]: it is around the robot.
+OPENING = 0.3
 
 # Largest share of a short run for which the first scan is shown.
 _FIRST_SHARE = 0.4
@@ -45,6 +45,9 @@ _SHOT = 2.0
 
 # Kinds of these shots, which alternate.
 SHOTS = ("chase", "close")
+
+# The shot of the first scan.
+FIRST_SHOT = "wave"
 
 # The shot of what the film is about.
 PROOF = "proof"
@@ -74,9 +77,6 @@ _MOMENTS = 400
 # Number of map snapshots that are compared; a long run has thousands.
 _SNAPSHOTS = 120
 
-# Weight of turning relative to walls that enter the map.
-_TURNING = 0.1
-
 
 class Shot(NamedTuple):
     """A part of a film."""
@@ -94,14 +94,17 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     """The shots of a film of a length [s], in the order of the run; one proves what it is about."""
     playback = timeline.playback
     lasts = (timeline.end - timeline.start) / playback
-    fixed = OPENING + FIRST + RISE + CLOSING
+    fixed = FIRST - OPENING + RISE + CLOSING
     # In a shorter film, the same shots are shorter.
-    scale = min(1.0, length / (fixed + _SHOT))
+    scale = min(1.0, (length + OPENING) / (fixed + OPENING + _SHOT))
     first = min(scale * FIRST, _FIRST_SHARE * lasts)
-    opened = timeline.start + playback * first
     # What the opening shows is proven by it; rounding neither loses the moment nor shows it twice.
     moment = subject_of(timeline.run, playback).moment
     proven = -np.inf if moment is None else moment - _ROUNDING
+    if proven > timeline.start + playback * first:
+        # The proof begins before its moment.
+        first = min(first, (proven - timeline.start) / playback - _BEFORE * _PROVEN)
+    opened = timeline.start + playback * first
     longer = (_SLOWER - 1.0) * (proven > opened)
     # A proof takes its time from the rise and from what follows.
     filling = scale * FILLING / (1.0 + longer)
@@ -109,11 +112,6 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     spared = scale * (FILLING + RISE) - filling - rise
     free = max(length - fixed, scale * _SHOT) + spared
     count = max(1, round(free / _SHOT - longer))
-    if longer:
-        # As many come before it as there is time for.
-        before = np.arange(count)
-        times = free * before / (before + 1.0 + longer) + _BEFORE * _PROVEN
-        count = max(1, int((times <= (proven - opened) / playback).sum()))
     each = free / (count + longer)
     closing = scale * (CLOSING - FILLING) + filling
     part = min(each, _PROVEN) if longer else each
@@ -134,12 +132,12 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     ends = starts + playback * np.where(proves, part, each)
     names = np.where(proves, PROOF, np.resize(SHOTS, count)).tolist()
     takes = each * np.where(proves, _SLOWER, 1.0)
-    opening = scale * OPENING
+    begun = timeline.start + playback * min(OPENING, 0.5 * first)
     last = float(ends[-1])
     risen = last + (timeline.end - last) * rise / (rise + filling)
     turned = closing - filling
     return (
-        Shot("opening", opening + first, timeline.start - playback * opening, opened),
+        Shot("opening", (opened - begun) / playback, begun, opened),
         *map(Shot, names, takes.tolist(), starts.tolist(), ends.tolist()),
         Shot("rise", rise, last, risen),
         Shot("whole", filling, risen, timeline.end),
@@ -152,7 +150,7 @@ def _starts(
 ) -> Float:
     """Start times (count,) of the shots of a length [s of the film] in which most happens.
 
-    The last one is that of a moment [s].
+    One is that of a moment [s]: as many come before it as there is time for, up to all others.
     """
     grid = np.linspace(timeline.start, timeline.end, _MOMENTS)
     lasts = (timeline.end - timeline.start) / timeline.playback
@@ -160,25 +158,35 @@ def _starts(
     # How much happens in a shot that begins at each moment.
     happens = uniform_filter1d(_news(timeline, grid), width, origin=-(width // 2), mode="nearest")
     moments = (grid - timeline.start) / timeline.playback
-    # Each shot has its own part of the run, and much of the run remains after the last one.
+
+    def chosen(number: int, low: float, high: float) -> list[float]:
+        """When so many shots start that begin between two times [s of the film]."""
+        # Each has the same part of the time that is left between them.
+        left = np.linspace(low, max(high - each * (number - 1), low), number + 1)
+        starts = list[float]()
+        for place, (begin, end) in enumerate(pairwise(left)):
+            begun = moments - each * place
+            within = (begun >= begin) & (begun <= end)
+            best = moments[np.argmax(np.where(within, happens, -1.0))]
+            starts.append(max(best, begin + each * place))
+        return starts
+
+    # Much of the run remains after the last one.
     latest = min(max(_CHOSEN * lasts, first + count * each), lasts - each)
-    proof = list[float]()
-    if moment is not None:
-        wished = (moment - timeline.start) / timeline.playback - _BEFORE * min(each, _PROVEN)
-        proof.append(min(max(wished, first), lasts - each))
-        latest = proof[0] - each
-    # Each has the same part of the time that is left between them.
-    left = np.linspace(first, latest - each * (count - len(proof) - 1), count - len(proof) + 1)
-    starts = list[float]()
-    for number, (low, high) in enumerate(pairwise(left)):
-        begun = moments - each * number
-        within = (begun >= low) & (begun <= high)
-        starts.append(max(moments[np.argmax(np.where(within, happens, -1.0))], low + each * number))
-    return np.array([*starts, *proof])
+    if moment is None:
+        return np.array(chosen(count, first, latest))
+    part = min(each, _PROVEN)
+    wished = (moment - timeline.start) / timeline.playback - _BEFORE * part
+    proof = min(max(wished, first), lasts - each)
+    before = min(count - 1, int((proof - first) / each))
+    after = count - 1 - before
+    return np.array(
+        [*chosen(before, first, proof - each), proof, *chosen(after, proof + part, latest)]
+    )
 
 
 def _news(timeline: Timeline, times: Float) -> Float:
-    """How much happens at times (m,) of a run: walls come and go, the robot turns."""
+    """How much happens at times (m,) of a run: walls come and go in its map."""
     run = timeline.run
     scans = np.searchsorted(run.trajectory.times, times, side="right") - 1
     numbers = np.array([run.snapshot_after(max(scan, 0)) for scan in scans.tolist()])
@@ -187,14 +195,7 @@ def _news(timeline: Timeline, times: Float) -> Float:
         [lengths(run.maps[k].segments).sum() if k >= 0 else 0.0 for k in numbers[::step].tolist()]
     )
     grown = np.diff(np.interp(np.arange(len(times)), np.arange(len(numbers))[::step], known))
-    entered = np.abs(np.append(grown, 0.0))
-    turned = np.abs(np.gradient(np.unwrap(timeline.poses(times)[:, 2])))
-    return _share(entered) + _TURNING * _share(turned)
-
-
-def _share(values: Float) -> Float:
-    """Values (m,) as shares of their sum."""
-    return np.asarray(values / max(float(values.sum()), np.finfo(float).tiny))
+    return np.asarray(np.abs(np.append(grown, 0.0)))
 
 
 def run_times(shots: tuple[Shot, ...], passed: Float) -> Float:

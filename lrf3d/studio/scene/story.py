@@ -1,4 +1,4 @@
-"""The camera of a story: it opens in the dark, shows what happens, and ends on the whole world.
+"""The camera of a story: it opens near the robot, shows what happens, and ends on the whole world.
 
 For each shot, the position is chosen from which the robot is visible and most of the picture is
 lit.
@@ -10,27 +10,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float, Int, cross, directions
+from lrf3d.geometry.lines import Float, cross, directions
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import CARD, behind, chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
-from lrf3d.studio.scene.shots import CLOSING, LENGTH, SHOTS, plan_shots
+from lrf3d.studio.scene.shots import CLOSING, FIRST_SHOT, LENGTH, SHOTS, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
-from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.stage.structures import AROUND, Structures
 from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
 from lrf3d.studio.scene.timeline import Timeline, interpolated, lasting
 
-# Position of the camera in the opening, while all is dark.
-_DARK = Rig(2.9, 13.0, shift=-0.1)
+# Position of the camera at first, as the light of the first scan spreads.
+_NEAR = Rig(4.6, 26.0, shift=-0.1)
+
+# How far the dark is dusk at first, 0…1: what is not lit can just be seen.
+_FIRST_DUSK = 0.4
 
 # Angle by which that camera turns round the robot [rad].
-_DARK_TURN = 0.7
+_NEAR_TURN = 0.7
 
-# When that camera begins to rise, as a share of the opening before the run starts.
-_RISES = 0.3
-
-# When that camera has risen, as a share of the time for which the first scan is shown.
-_RISEN = 0.6
+# When that camera has risen, as a share of the opening.
+_RISEN = 0.75
 
 # Additional downward tilt half-way on the camera's path to the overview of a town [rad]: houses
 # hide less of the robot.
@@ -53,9 +53,6 @@ _STEEPS = np.radians(np.arange(46.0, 87.0, 8.0)).tolist()
 
 # Number of moments at which a candidate shot is rated.
 _JUDGED = 13
-
-# Places at which a robot of 1 m radius is to be seen (5, 2) [m].
-_AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 
 # Columns and rows of rays that sample the light in a picture.
 _RAYS = (12, 7)
@@ -120,7 +117,7 @@ _TOWN = {
     "close": _Rigs((12.0, 20.0), (28.0, 40.0, 55.0)),
 }
 _ROOMS = {
-    "opening": _Rigs((8.0, 11.0, 14.0), (52.0, 62.0)),
+    "opening": _Rigs((8.0, 11.0, 14.0), (42.0, 52.0, 62.0)),
     "chase": _Rigs((3.5, 5.5), (32.0, 44.0, 62.0)),
     "close": _Rigs((6.0, 9.0), (40.0, 54.0, 66.0)),
 }
@@ -188,9 +185,7 @@ class Story:
         if time > shot.end + STEP * self._timeline.playback and shot.name != "end":
             return self._chase.look(time, aspect)
         track, _, above = self._track(number, aspect)
-        # Before the run starts all is dark.
-        begins = max(shot.start, self._timeline.start)
-        passed = (time - begins) / max(shot.end - begins, TINY)
+        passed = (time - shot.start) / max(shot.end - shot.start, TINY)
         # The rise shows the whole world, which is then its own map.
         risen = {"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)
         share = float(_eased(risen))
@@ -198,9 +193,9 @@ class Story:
             time,
             cuts=True,
             above=above * max(1.0 - risen / _SINKS, 0.0),
-            dusk=float(_eased(passed)) if shot.name == "opening" else 1.0,
+            dusk=max(_FIRST_DUSK, float(_eased(passed))) if shot.name == "opening" else 1.0,
             inset=1.0 - share * bool(self.widens),
-            shot="wave" if shot.name == "opening" else shot.name,
+            shot=FIRST_SHOT if shot.name == "opening" else shot.name,
             said=self._said(number, time),
             robot=self._robot(number),
         )
@@ -267,22 +262,19 @@ class Story:
         return self._best(shot.name, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
 
     def _opening(self, times: Float, aspect: float) -> CameraPath:
-        """The camera path of the opening: the robot in the dark, then its first scan from above."""
+        """The camera path of the opening: near the robot, then its first scan from above."""
         timeline = self._timeline
-        passed = (times - timeline.start) / timeline.playback
-        begin, end = passed[[0, -1]].tolist()
+        shares = np.linspace(0.0, 1.0, len(times))
         ahead, *_ = self._chase.track(aspect).at(times[:1]).turns
-        turns = ahead + _DARK_TURN * (1.0 - _eased((passed - begin) / (end - begin)))
+        turns = ahead + _NEAR_TURN * (1.0 - _eased(shares))
         # The smoothed path of a fast film begins ahead of the robot.
-        poses = timeline.poses(np.maximum(times, timeline.start))
-        places = poses[:, :2] - timeline.origin
+        places = timeline.poses(times)[:, :2] - timeline.origin
         path = SmoothPath(times, places, turns)
-        dark = CameraPath.along(path, turns, _DARK).past_walls(self._structures, places)
+        near = CameraPath.along(path, turns, _NEAR).past_walls(self._structures, places)
         # What the first scan has lit is best seen when its wave has passed, and from far away.
-        moments = np.linspace(timeline.start, times[-1], _JUDGED)
+        moments = np.linspace(times[0], times[-1], _JUDGED)
         above = self._best("opening", path, moments, aspect).track
-        risen = _eased((passed - _RISES * begin) / (_RISEN * end - _RISES * begin))
-        return self._between(dark, above, risen)
+        return self._between(near, above, _eased(shares / _RISEN))
 
     def _held(self, track: CameraPath, number: int, times: Float) -> CameraPath:
         """The last view of a shot's track, held relative to its robot at later times (k,)."""
@@ -293,7 +285,7 @@ class Story:
 
     def _proof(self, times: Float, places: Float, sway: Float, aspect: float) -> _Take:
         """The camera path of the shot that proves the subject: that and the robot fill it."""
-        around = (places[:, None] + _ROOM * _AROUND).reshape(-1, 2)
+        around = (places[:, None] + _ROOM * AROUND).reshape(-1, 2)
         shown = np.concatenate([around, self._subject.places - self._timeline.origin])
         corners = np.concatenate([np.insert(shown, 2, high, axis=1) for high in (0.0, SECTION)])
         tracks = list[CameraPath]()
@@ -358,7 +350,8 @@ class Story:
         aways = np.array([track.aways[0] for track in tracks])
         favoured = aways / aways.max() if far else aways.min() / aways
         eyes = np.array([track.at(moments).eyes() for track in tracks])
-        hidden = self._hides(path, moments, eyes, tops)
+        robots = interpolated(moments, path.times, path.places)
+        hidden = self._structures.hides(eyes, robots, self._timeline.run.radius, tops)
         # Those that show the robot the most.
         chosen = np.flatnonzero(hidden <= hidden.min() + _TOO_MUCH)
         lit = np.array([self._lit(tracks[k], moments[::4], aspect, tops) for k in chosen.tolist()])
@@ -366,28 +359,6 @@ class Story:
         worth -= _HIDDEN * hidden[chosen]
         best = int(np.argmax(worth))
         return _Take(tracks[int(chosen[best])], float(worth[best]), above)
-
-    def _hides(self, path: SmoothPath, moments: Float, eyes: Float, tops: Float) -> Float:
-        """Which share of the robot walls hide at moments (m,) from eyes (k, m, 3), on average.
-
-        The walls have tops (w,).
-        """
-        robots = interpolated(moments, path.times, path.places)
-        around = self._timeline.run.radius * _AROUND
-        feet = np.insert(robots[:, None] + around, 2, 0.0, axis=2)
-        ends = np.broadcast_to(feet, (len(eyes), *feet.shape)).reshape(-1, 3)
-        number, *_ = self._blocked(eyes.reshape(-1, 3).repeat(len(around), axis=0), ends, tops)
-        count = len(ends) // len(eyes)
-        return np.bincount(number // count, minlength=len(eyes)) / count
-
-    def _blocked(self, eyes: Float, ends: Float, tops: Float) -> tuple[Int, Int, Float]:
-        """Which lines of sight from eyes to ends (n, 3) which walls block, and at which shares."""
-        number, wall, share = self._structures.crossed(eyes[:, :2], ends[:, :2])
-        blocks = tops[wall] > eyes[number, 2] + share * (ends - eyes)[number, 2]
-        number, wall, share = number[blocks], wall[blocks], share[blocks]
-        nearest = np.lexsort([share, number])
-        number, first = np.unique(number[nearest], return_index=True)
-        return number, wall[nearest][first], share[nearest][first]
 
     def _lit(self, track: CameraPath, moments: Float, aspect: float, tops: Float) -> float:
         """Mean share of the picture that is lit at moments (m,), with a bonus for mapped walls."""
@@ -399,7 +370,7 @@ class Story:
         down = ways[:, 2] < -TINY
         share = np.where(down, -eyes[:, 2] / np.where(down, ways[:, 2], -1.0), 0.0)
         ends = eyes + np.minimum(share, _FARTHEST)[:, None] * ways
-        number, wall, part = self._blocked(eyes, ends, tops)
+        number, wall, part = self._structures.blocked(eyes, ends, tops)
         places = ends.copy()
         # Sample in front of a wall, on its visible side, not inside the house.
         ahead = ends[number] - eyes[number]

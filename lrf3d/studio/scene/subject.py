@@ -12,8 +12,8 @@ from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LEFT, Float, Int
 from lrf3d.mapping.line_map import GLASS, MIRROR
-from lrf3d.studio.scene.drift import Drift
-from lrf3d.studio.scene.found import false_walls
+from lrf3d.studio.scene.drift import CLOSES, Drift
+from lrf3d.studio.scene.found import distances, false_walls
 from lrf3d.studio.scene.glass import (
     EARLY,
     GlassCounts,
@@ -26,7 +26,7 @@ from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.timeline import FIRST, Moment
 
 # Time for which the title stands [s of the film].
-TITLE_TIME = 3.0
+TITLE_TIME = 1.9
 
 # Number of maps or scans that are searched, at most.
 _COMPARED = 120
@@ -90,13 +90,15 @@ def _subject(run: Shown, playback: float) -> Subject:
     found = _loop(run, playback) or _false_room(run, since) or _robots(run, since)
     found = found or _glass(run) or _reflectors(run, since)
     usual = "A robot maps what it has never seen" if len(run.maps) else "What a laser sees"
-    return found or Subject(usual if run.knows_truth else "A recorded drive, mapped by its laser")
+    if found or run.knows_truth:
+        return found or Subject(usual)
+    return Subject(f"A file of {distances(run)} becomes a map")
 
 
 def _loop(run: Shown, playback: float) -> Subject | None:
-    """The loop that removes the most drift."""
+    """The loop that removes the most drift, if that is seen."""
     drift = Drift.of(run, np.zeros(2), playback)
-    if drift is None or not len(drift.times):
+    if drift is None or drift.removed.max(initial=0.0) < CLOSES:
         return None
     most = int(np.argmax(drift.removed))
     closes = float(run.trajectory.times.min() + drift.times[most])
@@ -152,6 +154,7 @@ def _robots(run: Shown, since: float) -> Subject | None:
         "Here two robots see each other",
         entered,
         "The red wall is only the other robot",
+        told=True,
     )
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _DRIVES = Latest()
 
 # Time for which a film shows the first scan [s of the film].
-FIRST = 2.4
+FIRST = 3.4
 
 # Share of the time between two stops that the robot stands and scans.
 _STANDING = 0.5
@@ -109,18 +109,17 @@ class Timeline:
             self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
             self.drive = _DRIVES.of(run, partial(_drive_between_stops, run))
 
-    def frame_times(self, fps: float, margins: tuple[float, float] = (0.0, 0.0)) -> Float:
+    def frame_times(self, fps: float, margin: float = 0.0) -> Float:
         """Times (frames,) of the run [s] that a film shows, first to last, at least one.
 
         Args:
             fps: Frames a second.
-            margins: How long the film goes on before and after the run [s of the film]; there the
-                run stands still, and only the camera moves.
+            margin: How long the film goes on after the run [s of the film]; there the run stands
+                still, and only the camera moves.
         """
         step = self.playback / fps
-        before, after = margins
-        last = np.floor((self.end - self.start) / step + after * fps + _ROUNDING)
-        return self.start + step * np.arange(-np.floor(before * fps), last + 1.0)
+        last = np.floor((self.end - self.start) / step + margin * fps + _ROUNDING)
+        return self.start + step * np.arange(last + 1.0)
 
     def poses(self, times: Float) -> Float:
         """Poses (m, 3) of the robot at times (m,) [s]."""

@@ -7,7 +7,7 @@ import numpy as np
 from lrf3d.geometry.lines import Float
 from lrf3d.studio.scene.camera import Camera
 from lrf3d.studio.scene.cameras import First, Fixed, chase, orbit, overview, top
-from lrf3d.studio.scene.shots import CLOSING, LENGTH, OPENING, plan_shots, run_times
+from lrf3d.studio.scene.shots import CLOSING, LENGTH, plan_shots, run_times
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.story import Story
@@ -35,9 +35,9 @@ def make_camera(view: str, timeline: Timeline, stage: Stage, length: float | Non
     return Fixed(next(c for c in timeline.run.world.cameras if c.name == view), timeline)
 
 
-def margins(view: str) -> tuple[float, float]:
-    """Durations of a film before the run starts and after it has ended [s of the film]."""
-    return (OPENING, CLOSING) if view == "story" else (0.0, 0.0)
+def margin(view: str) -> float:
+    """Duration of a film after the run has ended [s of the film]."""
+    return CLOSING if view == "story" else 0.0
 
 
 def film_times(view: str, timeline: Timeline, fps: float, length: float | None) -> Float:

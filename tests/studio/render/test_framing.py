@@ -18,9 +18,6 @@ from lrf3d.studio.scene.views import film_times
 # Brightness below which a pixel is black, 0…255.
 BLACK = 42.0
 
-# Seconds of a film from which on it is not meant to be dark.
-LIT = 2.6
-
 
 def scanned(name):
     """A run of a built-in world with few scans."""
@@ -48,7 +45,7 @@ PROVED = ("mirror_hall",)
 def test_no_half_of_a_picture_is_black_and_the_robot_is_in_its_middle_not_under_the_map(world):
     film = Film(WORLDS[world](), view="story", size=(160, 90), samples=0)
     assert ("proof" in [shot.name for shot in film.camera.shots]) == (world in PROVED)
-    passed = np.arange(LIT, 15.0, 2.0)
+    passed = np.arange(0.0, 15.0, 2.0)
     frames = film_times("story", film.timeline, 1.0 / 0.04, 15.0)
     times = frames[(passed / 0.04).astype(int).clip(max=len(frames) - 1)]
     for time in times.tolist():

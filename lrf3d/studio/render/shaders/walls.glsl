@@ -146,7 +146,7 @@ void main() {
     vec4 map = texture(tints, foot.zw);
     float climbed = (clock.x - when.b) * clock.y * CLIMB - height;
     float found = clamp(1.5 * climbed + 0.5, 0.0, 1.0) * mix(1.0, min(2.0 * when.g, 1.0), paint.a);
-    float share = keeps * found * most * MAP_SHARE;
+    float share = keeps * found * mix(TOP_TINT * TOP_LIT, 1.0, paint.a) * MAP_SHARE;
     float front = 0.5 * paint.a * found * clamp(1.0 - climbed / FRONT, 0.0, 1.0);
     seen += map.rgb * (share * (MAP_LIGHT.x + MAP_LIGHT.y * grey(day)) + front) - seen * (share * map.a);
     seen = hazed(seen);

@@ -21,6 +21,9 @@ from lrf3d.studio.scene.shapes import Lines, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.world import World
 
+# Places at which a robot of 1 m radius is to be seen (5, 2) [m].
+AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+
 # Distance [m] up to which things are drawn: haze hides what is far beyond a tenth of it.
 SIGHT_DISTANCE = 4000.0
 
@@ -213,6 +216,29 @@ class Structures:
         # What runs along a wall meets it at once.
         turn = np.where(turn == 0.0, np.inf, turn)
         return number, wall, cross(begin - starts[number], end - begin) / turn
+
+    def blocked(self, eyes: Float, ends: Float, tops: Float) -> tuple[Int, Int, Float]:
+        """Which lines of sight from eyes to ends (n, 3) which walls block, and at which shares.
+
+        The walls have tops (w,).
+        """
+        number, wall, share = self.crossed(eyes[:, :2], ends[:, :2])
+        blocks = tops[wall] > eyes[number, 2] + share * (ends - eyes)[number, 2]
+        number, wall, share = number[blocks], wall[blocks], share[blocks]
+        nearest = np.lexsort([share, number])
+        number, first = np.unique(number[nearest], return_index=True)
+        return number, wall[nearest][first], share[nearest][first]
+
+    def hides(self, eyes: Float, robots: Float, radius: float, tops: Float) -> Float:
+        """Which share of a robot at places (m, 2) walls with tops (w,) hide, on average.
+
+        It has a radius [m] and is seen from eyes (k, m, 3).
+        """
+        feet = np.insert(robots[:, None] + radius * AROUND, 2, 0.0, axis=2)
+        ends = np.broadcast_to(feet, (len(eyes), *feet.shape)).reshape(-1, 3)
+        number, *_ = self.blocked(eyes.reshape(-1, 3).repeat(len(AROUND), axis=0), ends, tops)
+        count = len(ends) // len(eyes)
+        return np.bincount(number // count, minlength=len(eyes)) / count
 
     @property
     def setting(self) -> Setting:
