@@ -3,15 +3,22 @@
 import functools
 import os
 import signal
+from pathlib import Path
 
-import hypothesis
 import pytest
+from hypothesis import HealthCheck, settings
 
 from lrf3d.base import interrupts, isolation
 
-# No test depends on the speed of the machine.
-hypothesis.settings.register_profile("lrf3d", deadline=None)
-hypothesis.settings.load_profile("lrf3d")
+# No test depends on the speed of the machine, and examples share what their test was set up with.
+settings.register_profile(
+    "search",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+# The same code is tried with the same examples; `--hypothesis-profile search` draws others.
+settings.register_profile("lrf3d", settings.get_profile("search"), derandomize=True)
+settings.load_profile("lrf3d")
 
 # A shell without job control ignores Ctrl-C for what it starts in the background, and so do all
 # programs that these start in turn.
@@ -39,12 +46,46 @@ def handlers():
     interrupts._asked = 0
 
 
+@pytest.fixture(scope="module")
+def chromium():
+    """Chromium, for as many pages as the tests of a file want."""
+    from browser import CHROMIUM, OPTIONS
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        yield browser
+        browser.close()
+
+
 @functools.cache
 def has_gl():
     """Whether anything can be drawn with OpenGL here."""
     from lrf3d.studio.render.gl import gl_available
 
     return gl_available()
+
+
+# What scripts/test --all has run with indices checked is not run again.
+def pytest_addoption(parser):
+    parser.addoption(
+        "--slow-of",
+        metavar="FOLDER",
+        action="append",
+        type=Path,
+        default=[],
+        help="run the slow tests of a folder alone",
+    )
+
+
+def pytest_collection_modifyitems(config, items):
+    folders = [folder.resolve() for folder in config.getoption("--slow-of")]
+    items[:] = [
+        item
+        for item in items
+        if item.get_closest_marker("slow")
+        or not any(item.path.is_relative_to(folder) for folder in folders)
+    ]
 
 
 def pytest_runtest_setup(item):

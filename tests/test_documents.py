@@ -8,6 +8,7 @@ import zlib
 from dataclasses import fields
 
 import pytest
+from program import ran
 from snippets import PAGES, PARTS, ROOT, Workshop, snippets
 
 import lrf3d
@@ -118,9 +119,16 @@ def test_the_readme_does_what_it_says(workshop):
     assert len(lrf3d.load_map("map.geojson")) > 200
 
 
+@pytest.fixture(scope="module")
+def city(tmp_path_factory):
+    """The folder of a whole drive through the city, and what the command printed."""
+    folder = tmp_path_factory.mktemp("city")
+    return folder, ran("run", "city", "--no-video", "--out", folder).stdout
+
+
 @pytest.mark.slow
-def test_the_pictures_of_the_readme_are_of_moments_of_their_film():
-    run = lrf3d.load_scenario("city").run(rng=0)
+def test_the_pictures_of_the_readme_are_of_moments_of_their_film(city):
+    run = lrf3d.load_run(city[0])
     moments = re.findall(r"render out/city --at (\d+)", README.read_text(encoding="utf-8"))
     assert moments
     for moment in moments:
@@ -138,14 +146,10 @@ def test_every_picture_shows_in_a_clone():
 
 
 @pytest.mark.slow
-def test_the_sample_output_of_the_tour_is_what_the_command_prints(workshop):
+def test_the_sample_output_of_the_tour_is_what_the_command_prints(city):
     page = (ROOT / "docs/tour.md").read_text(encoding="utf-8")
     sample = re.search(r"```text\n(.*?)```", page, re.S)[1].splitlines()
-    done = subprocess.run(
-        [sys.executable, "-m", "lrf3d", "run", "city", "--no-video", "--out", "sample"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    printed = done.stdout.splitlines()
+    printed = city[1].splitlines()
     # All figures but those of time, and what a run without a film lacks.
     same = [line for line in printed if line.split()[0] in ("drive", "seen", "map")]
     assert same == sample[:3] and [line.split()[0] for line in printed] == [

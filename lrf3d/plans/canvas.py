@@ -22,7 +22,7 @@ MOST_MARKS = 150_000
 MOST_POINTS = 2_000_000
 
 # A typographic point [m].
-POINT = INCH / 72.0
+POINT = INCH / 72
 
 # Value of each colour channel of white.
 WHITE = 255.0

@@ -238,7 +238,7 @@ def drive(
     *,
     duration: float | ArrayLike,
     dt: float = 0.1,
-    tolerance: float = 1e-9,
+    tolerance: float = ROUNDING,
 ) -> Trajectory:
     """Drive a unicycle from a start pose with the inputs v and ω.
 

@@ -74,7 +74,8 @@ class Sensor:
         self.caster = caster_of(caster, world)
         self._noisy = Chain([noise])
         self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
-        self._lit = len(world.materials) > 0 < len(self._crowd)
+        self._crowded = len(self._crowd) > 0
+        self._lit = len(world.materials) > 0 and self._crowded
         # What casts single rays; other casters know no light of obstacles.
         self._rays = self.caster if isinstance(self.caster, PlanarCaster) else None
         if self._rays is None and self._lit:
@@ -184,7 +185,7 @@ class Sensor:
         near = lrf if lighting is None else replace(lrf, range_min=0.0)
         ranges, walls = caster.trace(near, rays)
         count = len(self.world.segments)
-        if len(self._crowd):
+        if self._crowded:
             named = -1 if lighting is None else count
             self._crowd.stop_rays(near, rays, ranges, walls, named=named)
         if lighting is None:
@@ -200,7 +201,7 @@ class Sensor:
     def _among(self, pose: Any, time: float) -> LaserScan:
         """The scan of one moment, in which each beam ends at the nearer of wall and obstacle."""
         scan = self.caster.cast(self.lrf, pose).at_time(time)
-        if not len(self._crowd):
+        if not self._crowded:
             return scan
         ranges = scan.ranges.copy()
         walls = scan.walls.copy()

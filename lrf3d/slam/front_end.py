@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float, Int, Records, wrap_angle
+from lrf3d.geometry.lines import ROUNDING, Float, Int, Records, wrap_angle
 from lrf3d.geometry.pose import Pose, between, compose, turned
 from lrf3d.matching.key_scans import (
     BEHIND,
@@ -99,7 +99,7 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
     The heading is marginalised out.
     """
     coupling = information[:2, 2]
-    turn = max(float(information[2, 2]), 1e-9)
+    turn = max(float(information[2, 2]), ROUNDING)
     place = information[:2, :2] - np.outer(coupling, coupling) / turn
     (weakest, _), directions = np.linalg.eigh(place)
     return directions[:, 0], float(max(weakest, 0.0))

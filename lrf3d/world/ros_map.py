@@ -123,11 +123,8 @@ def _described(path: Path) -> dict[str, Any]:
     import yaml
 
     loader = yaml.BaseLoader(read_text(path))
-    try:
-        node = loader.get_single_node()
-        data = loader.construct_document(node) if node else None
-    except (yaml.YAMLError, ValueError) as error:
-        raise WorldError(f"not YAML: {' '.join(str(error).split())[:120]}") from None
+    node = loader.get_single_node()
+    data = loader.construct_document(node) if node else None
     if node is None or not (
         isinstance(data, dict) and {"image", "resolution", "origin"} <= set(data)
     ):

@@ -110,12 +110,14 @@ def test_what_hears_no_signal_is_ended_by_a_second_one_or_after_a_while(number, 
         cwd=tmp_path, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stderr.readline() == "begun\n"
+    sent = time.monotonic()
     process.send_signal(number)
     if again:
         # Two at the same time count as one: that is how programs between the terminal and this one
         # forward a Ctrl-C.
         time.sleep(0.3)
-        assert process.poll() is None
+        # A machine that slept longer has used up the while.
+        assert process.poll() is None or time.monotonic() > sent + 1.0
         process.send_signal(number)
     _, err = process.communicate(timeout=300)
     kept = "0 of 3 scans kept; go on with --resume"

@@ -8,12 +8,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from PIL import Image
+from waiting import PATIENCE
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
 
@@ -24,9 +24,6 @@ OPTIONS = [
     "--enable-unsafe-swiftshader",
     *(["--no-sandbox"] if os.geteuid() == 0 else []),
 ]
-
-# After this time [s] what has not come will not come.
-PATIENCE = 300.0
 
 
 def missing():
@@ -64,17 +61,6 @@ def served(what, *options, command="view"):
 
 
 @contextmanager
-def started():
-    """Chromium, for as many pages as are wanted."""
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
-        yield browser
-        browser.close()
-
-
-@contextmanager
 def opened(browser, address, size=(660, 372), **options):
     """A page in Chromium, ready to be used; whatever it complains of fails the test."""
     complaints, asked = [], []
@@ -94,14 +80,6 @@ def opened(browser, address, size=(660, 372), **options):
         own = (f"{address}/", f"blob:{address}/", f"{address.replace('http', 'ws')}/")
         others = [url for url in asked if not url.startswith((*own, "data:"))]
         assert [url for url in others if url != address] == []
-
-
-def until(is_so):
-    """Wait until something is so, and give what it gave."""
-    end = time.monotonic() + PATIENCE
-    while (answer := is_so()) is None or answer is False:
-        assert time.monotonic() < end, "it never came to be so"
-    return answer
 
 
 def picture(page):

@@ -71,6 +71,7 @@ INSTEAD = {
     r"\bsweep (city|corridor)\b": "sweep paper_room",
     r"--scheduler tcp://\S+": "--out out/cluster",
     r"--at \d+": "--at 2",
+    r"--to html": "--to html --every 20",
     r"/front/scan": "/scan",
 }
 

@@ -27,6 +27,11 @@ def make_world(*objects: Float, name: str = "") -> World:
     return World(np.vstack(objects), labels, name=name)
 
 
+def street(x: float = 0.0, y: float = 0.0) -> World:
+    """Two buildings next to each other."""
+    return make_world(box(x, y, 10, 6), box(x + 14, y, 8, 6), name="street")
+
+
 def make_run(
     world: World, poses: Float, lrf: LaserRangeFinder, *, sigma: float = 0.0, seed: int = 0
 ) -> Run:

@@ -213,18 +213,12 @@ def pairs(drive):
     )
 
 
-def by_turns(drive):
-    """A scan a line, of which each range has its bearing before it."""
+def by_turns(drive, order=1):
+    """A scan a line, of which each range has its bearing before it, or after it if order is −1."""
     times, poses, ranges = parts(drive)
     bearings = np.tile(np.degrees(drive.angles), (len(ranges), 1))
-    return lines([times, poses, np.dstack([bearings, ranges]).reshape(len(ranges), -1)], ",")
-
-
-def by_turns_ranges_first(drive):
-    """A scan a line, of which each range has its bearing after it."""
-    times, poses, ranges = parts(drive)
-    bearings = np.tile(np.degrees(drive.angles), (len(ranges), 1))
-    return lines([times, poses, np.dstack([ranges, bearings]).reshape(len(ranges), -1)], ",")
+    turns = np.dstack([bearings, ranges][::order])
+    return lines([times, poses, turns.reshape(len(ranges), -1)], ",")
 
 
 def rosbag_to_csv(drive):
@@ -268,7 +262,7 @@ PLACED = {
     "a row of units": named_in_units,
     "poses after the ranges": poses_last,
     "bearings and ranges by turns": by_turns,
-    "ranges and bearings by turns": by_turns_ranges_first,
+    "ranges and bearings by turns": lambda drive: by_turns(drive, order=-1),
     "a whole scan in a cell": rosbag_to_csv,
     "a merged table with blanks": plot_juggler,
     "a merged table, scans first": lambda drive: re.sub(

@@ -15,7 +15,7 @@ def middles(free):
     return np.array(free.origin[:2]) + free.resolution * (np.column_stack([columns, rows]) + 0.5)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.tuples(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5), st.floats(-10.0, 10.0)),
     st.lists(st.floats(0.1, 30.0) | st.just(np.inf) | st.just(-np.inf), min_size=19, max_size=19),

@@ -213,6 +213,8 @@ WRONG = {
     "range finder None": lambda: lrf3d.EmbreeCaster(GAP_WORLD).cast_batch(None, [(0, 0, 0)]),
     "elevations": lambda: lrf3d.EmbreeCaster(GAP_WORLD).cast_layers(LRF, (0, 0, 0), "a"),
     "pitch 'a'": lambda: lrf3d.EmbreeCaster(GAP_WORLD).cast_layers(LRF, (0, 0, 0), pitch="a"),
+    "evenly": LaserScan((0, 0, 0), [0.0, 0.1, 0.3], [1, 1, 1]).as_ros,
+    "mapper.*update": lambda: simulate(GAP_WORLD, [(0, 0, 0)], mapper=object()),
     "world 'a'": lambda: lrf3d.crosscheck("a", LRF, [(0, 0, 0)]),
     "map 'a'": lambda: lrf3d.KnownLines.from_map("a"),
     "run 'a'": lambda: lrf3d.score_run("a"),

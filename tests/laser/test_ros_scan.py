@@ -90,11 +90,6 @@ def test_a_range_that_a_driver_leaves_at_0_is_unknown():
     assert LaserScan.from_ros(message).ranges.tolist() == [1.0, 30.0]
 
 
-def test_beams_that_are_not_evenly_spread_are_refused():
-    with pytest.raises(InputError, match="evenly"):
-        LaserScan((0, 0, 0), [0.0, 0.1, 0.3], [1, 1, 1]).as_ros()
-
-
 @pytest.mark.parametrize(
     ("field", "value", "said"),
     [

@@ -52,7 +52,7 @@ def closed_by_definition(ends, objects):
     return closed
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 6), st.sampled_from([0.0, 0.0625, 0.25]))
 def test_closed_corners_are_those_of_the_definition(seed, count, step):
     """Ends round one place, at any distance or on a lattice, where many are equally near."""

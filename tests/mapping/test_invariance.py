@@ -60,7 +60,7 @@ def test_the_city_is_found_whole():
 
 
 @given(st.floats(-np.pi, np.pi), st.floats(-50, 50), st.floats(-50, 50))
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 def test_the_map_moves_with_the_world(turn, dx, dy):
     other = map_of([moved(scan, turn, (dx, dy)) for scan in SCANS])
     for one in (lengths(other.segments) - lengths(MAP.segments), other.points - MAP.points):

@@ -101,7 +101,7 @@ def test_range_noise_is_the_same_for_few_beams_among_posts_as_for_many():
 near = st.floats(-0.12, 0.12)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(near, near, st.floats(-0.06, 0.06), st.floats(-np.pi, np.pi))
 def test_matching_recovers_the_pose_of_a_scan(x, y, turn, heading):
     old = surface_at(ROOM, (3.0, 1.5, heading))
@@ -182,7 +182,7 @@ def around(rng, count):
     return np.column_stack([rng.uniform((2.0, -3.0), (4.4, -1.0), (count, 2)), normals])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 3, 5, 8, 12]), st.sampled_from([2, 3, 12]))
 def test_a_match_is_that_of_the_formula(seed, iterations, count):
     assert REACH**2 + ALONG**2 < CELL**2

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from synthetic_run import box
 
 from lrf3d import (
     InputError,
@@ -24,11 +25,6 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.generators import generate
 
 SMALL = {"city": 60.0, "maze": 16.0, "office": 25.0, "rooms": 18.0}
-
-
-def box(x, y, width, depth):
-    corners = np.array([[x, y], [x + width, y], [x + width, y + depth], [x, y + depth]])
-    return np.hstack([corners, np.roll(corners, -1, axis=0)])
 
 
 def town(boxes):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from drawn import dxf, pdf
 from ezdxf import xref
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from lrf3d.base.errors import Lrf3dNote, WorldError
@@ -55,10 +55,8 @@ ELEMENTS = st.recursive(
 
 
 @settings(
-    deadline=None,
     max_examples=40,
     phases=[Phase.generate],
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(st.lists(ELEMENTS, max_size=5))
 def test_elements_of_svg_are_used_or_left_out(tmp_path, elements):
@@ -106,10 +104,8 @@ KINDS = "line text hatch wall arcs circle frozen solid attribute gone external t
 
 @pytest.mark.slow
 @settings(
-    deadline=None,
     max_examples=40,
     phases=[Phase.generate],
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(
     st.lists(st.sampled_from([*KINDS, "block", "stretched", "hidden"]), max_size=6),

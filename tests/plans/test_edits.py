@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -69,6 +69,7 @@ singles = st.tuples(
 )
 
 
+@settings(max_examples=50)
 @given(decisions, singles)
 def test_decisions_are_read_from_their_file_as_they_were_written(tmp_path_factory, several, single):
     path = tmp_path_factory.getbasetemp() / "a.svg.edit.toml"

@@ -8,6 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 from numpy.lib import format as npy
+from stops import Stop, stopping
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, World
@@ -58,17 +59,13 @@ def as_bytes(array, version):
         ("settings", np.array("[" * 100_000), ""),
         ("settings", np.array('{"laser": {"beams": 61}}'), "holds no 'name'"),
         ("ranges", np.zeros((3, 7), np.complex128), "numbers"),
+        ("version", np.array(1), "version 1 .*reads version 2; run the simulation again"),
+        ("version", np.array([object()], dtype=object), ""),
     ],
 )
 def test_arrays_that_do_not_fit_each_other_are_named(run_file, name, array, words):
     changed(run_file, **{name: array})
     with pytest.raises(InputError, match=rf"run\.npz: .*{words}"):
-        lrf3d.load_run(run_file)
-
-
-def test_a_run_of_another_version_is_to_be_made_again(run_file):
-    changed(run_file, version=np.array(1))
-    with pytest.raises(InputError, match=r"version 1 .*reads version 2; run the simulation again"):
         lrf3d.load_run(run_file)
 
 
@@ -125,14 +122,6 @@ def test_a_finished_run_that_is_damaged_is_recorded_again(run_file):
     assert run_file.read_bytes() == whole
 
 
-def stop_after(count):
-    def progress(done, total):
-        if done == count:
-            raise KeyboardInterrupt
-
-    return progress
-
-
 def farther(scan, rng):
     return lrf3d.LaserScan(scan.pose, scan.angles, scan.ranges + 0.5, range_max=scan.range_max)
 
@@ -145,8 +134,8 @@ def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path):
         simulation.film = film
         return simulation
 
-    with pytest.raises(KeyboardInterrupt):
-        lrf3d.record(made(), path, progress=stop_after(2))
+    with pytest.raises(Stop):
+        lrf3d.record(made(), path, progress=stopping(2))
     run = lrf3d.record(made(), path, resume=True)
     assert run.film == film and len(run) == len(POSES)
     with pytest.raises(InputError, match="no poses from odom in it; a run has only true poses"):

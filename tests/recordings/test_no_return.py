@@ -12,9 +12,9 @@ def scans_of(rng, ranges):
     return [LaserScan((0, 0, 0), ANGLES, ranges(rng)) for _ in range(100)]
 
 
-def open_ahead(rng, farthest=6.0):
+def open_ahead(rng, farthest=6.0, open_space=8.0):
     ranges = rng.uniform(1.0, farthest, 21)
-    ranges[8:12] = 8.0
+    ranges[8:12] = open_space
     return ranges
 
 
@@ -63,12 +63,7 @@ def test_no_return_may_spread_over_a_band_below_the_declared_range(declared, far
 
 
 def test_a_smallest_reading_that_many_adjacent_beams_have_is_no_return():
-    def near(rng):
-        ranges = rng.uniform(1.0, 6.0, 21)
-        ranges[8:12] = 0.12
-        return ranges
-
-    scans = scans_of(np.random.default_rng(0), near)
+    scans = scans_of(np.random.default_rng(0), lambda rng: open_ahead(rng, open_space=0.12))
     limits = NO_RETURN.find(scans)
     scans = NO_RETURN.apply(scans, limits)
     assert NO_RETURN.sentence(limits) == "readings up to 0.12 m mean no return"

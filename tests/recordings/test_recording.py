@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from stops import Stop, stopping
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, LineMapper, OutputError, World
@@ -23,10 +24,6 @@ PLACES = np.linspace(0.0, 10.0 * np.pi, SCANS)
 POSES = np.column_stack(
     [5.0 + 3.0 * np.cos(PLACES), 5.5 + 1.5 * np.sin(PLACES), PLACES + np.pi / 2]
 )
-
-
-class Stop(Exception):
-    pass
 
 
 class Sweeping:
@@ -46,14 +43,6 @@ def simulation(mode="robust", drive=POSES, scans=None, mapper=None, **settings):
     mapper = LineMapper(mode, sigma=0.1) if mapper is None else mapper
     settings |= {"noise": lrf3d.ProportionalNoise(0.1), "mapper": mapper, "scans": scans}
     return lrf3d.Simulation(ROOM, drive, LRF, rng=7, **settings)
-
-
-def stopping(at):
-    def progress(done, total):
-        if done == at:
-            raise Stop
-
-    return progress
 
 
 @pytest.mark.parametrize("mode", ["robust", pytest.param("paper", marks=pytest.mark.slow)])
@@ -212,6 +201,8 @@ import test_recording
 test_recording.recording.FLUSHED_EVERY = 0.0
 def progress(done, total):
     print(done, flush=True)
+    if done == test_recording.SCANS - 1:
+        sys.stdin.read()
 lrf3d.record(test_recording.simulation(), sys.argv[1], resume=True, progress=progress)
 """
 
@@ -221,15 +212,13 @@ def test_a_killed_process_loses_next_to_nothing(tmp_path):
     lrf3d.record(simulation(scans=SCANS), tmp_path / "whole.npz")
     path = tmp_path / "run.npz"
     code = KILLED.format(folder=os.path.dirname(__file__))
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, path], stdout=subprocess.PIPE, text=True
-    )
-    for line in process.stdout:
-        if int(line) >= 200:
-            process.send_signal(signal.SIGKILL)
-            break
-    process.stdout.close()
-    assert process.wait() == -signal.SIGKILL
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code, path], text=True, **pipes) as process:
+        for line in process.stdout:
+            if int(line) >= 200:
+                process.send_signal(signal.SIGKILL)
+                break
+    assert process.returncode == -signal.SIGKILL
     resumed = []
     lrf3d.record(
         simulation(scans=SCANS), path, resume=True, progress=lambda done, _: resumed.append(done)

@@ -16,7 +16,7 @@ ROOM = lrf3d.World([[4, -9, 4, 9], [-4, -9, -4, 9]], heights=[9.0, 9.0])
 angles = st.floats(-0.6, 0.6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(angles, angles, angles)
 def test_beams_of_a_tilted_robot_end_at_the_floor_and_at_walls(
     pitch: float, roll: float, theta: float

@@ -23,7 +23,7 @@ ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0
 
 
 @given(speeds, turns, st.floats(0.01, 10.0))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_arcs_agree_with_integration(v, omega, duration):
     exact = drive((1.0, 2.0, 0.3), v, omega, duration=duration, dt=duration / 3)
     integrated = drive(
@@ -54,7 +54,7 @@ def test_a_trajectory_interpolates_over_the_seam_the_short_way():
 
 
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=2, max_size=6))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_pursuit_arrives_and_stays_near_the_route(corners):
     route = np.array([c for i, c in enumerate(corners) if i == 0 or c != corners[i - 1]], float)
     if len(route) < 2:

@@ -158,7 +158,7 @@ def test_empty_worlds_are_scored():
     shift=st.sampled_from([(0.0, 0.0), (1e6, -1e6), (85000.0, 447500.0)]),
     flip=st.booleans(),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_scores_do_not_depend_on_where_the_world_lies(blocks, truth, angle, shift, flip):
     segments, objects = truth
     pose = lrf3d.Pose(*shift, angle)
@@ -194,7 +194,7 @@ def test_one_segment_cannot_stand_for_both_faces_of_a_thin_wall():
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_matching_finds_the_most_pairs(seed):
     rng = np.random.default_rng(seed)
     walls = np.array([WALL]) + rng.uniform(-0.6, 0.6, (4, 4)) * [1, 0.1, 1, 0.1]

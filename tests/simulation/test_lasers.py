@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
+from stops import Stop, stopping
 
 import lrf3d
 from lrf3d.laser.unrolling import together, unrolled
@@ -29,12 +31,9 @@ def run():
 
 
 def off_walls(points):
-    """How far points (n, 2) lie from the nearest wall's line segment."""
-    a, b = ROOM.segments[:, :2], ROOM.segments[:, 2:]
-    along = b - a
-    share = ((points[:, None] - a) * along).sum(2) / (along**2).sum(1)
-    nearest = a + np.clip(share, 0, 1)[..., None] * along
-    return np.hypot(*(points[:, None] - nearest).transpose(2, 0, 1)).min(axis=1)
+    """How far points (n, 2) lie from the nearest wall."""
+    walls = shapely.multilinestrings(ROOM.segments.reshape(-1, 2, 2))
+    return shapely.distance(shapely.points(points), walls)
 
 
 def test_the_beams_of_each_laser_leave_from_its_mount_and_end_at_walls(run):
@@ -56,12 +55,8 @@ def test_a_file_holds_all_lasers_and_a_stopped_run_goes_on(run, tmp_path):
     assert whole.lasers == run.lasers and np.array_equal(whole.ranges, run.ranges)
     assert np.array_equal(whole.motions, run.motions) and whole.map.segments.shape[1] == 4
 
-    def stop(done, total):
-        if done == 9:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        lrf3d.record(simulation(), tmp_path / "cut.npz", progress=stop)
+    with pytest.raises(Stop):
+        lrf3d.record(simulation(), tmp_path / "cut.npz", progress=stopping(9))
     lrf3d.record(simulation(), tmp_path / "cut.npz", resume=True)
     assert (tmp_path / "cut.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from program import lrf3d as program
+from stops import Stop, stopping
 from test_cli import ROOM
 
 import lrf3d
@@ -10,10 +11,6 @@ from lrf3d.laser import Chain, ConstantNoise, Quantised
 from lrf3d.laser.noise import FLOOR
 
 OBSTACLE = "[[obstacle]]\nroute = [[2.0, 2.0], [6.0, 2.0]]\nspeed = 0.7\n"
-
-
-class Stop(Exception):
-    """Raised to stop a run."""
 
 
 def same(one, other):
@@ -43,11 +40,6 @@ def test_a_scenario_runs_as_the_command_line_does(world, tmp_path):
 @pytest.mark.slow
 def test_a_recording_of_the_command_line_goes_on_in_python(tmp_path):
     scenario = lrf3d.load_scenario("paper_room")
-
-    def stopped(done, total):
-        if done == 2:
-            raise Stop
-
     program("run", "paper_room", "--no-video", "--out", tmp_path / "out")
     path = tmp_path / "out/run.npz"
     whole, written = path.read_bytes(), path.stat().st_mtime_ns
@@ -56,7 +48,7 @@ def test_a_recording_of_the_command_line_goes_on_in_python(tmp_path):
     assert path.stat().st_mtime_ns == written
     (tmp_path / "part").mkdir()
     with pytest.raises(Stop):
-        lrf3d.record(scenario.simulation(rng=0), tmp_path / "part/run.npz", progress=stopped)
+        lrf3d.record(scenario.simulation(rng=0), tmp_path / "part/run.npz", progress=stopping(2))
     program("run", "paper_room", "--resume", "--no-video", "--out", tmp_path / "part")
     assert (tmp_path / "part/run.npz").read_bytes() == whole
 

@@ -121,9 +121,3 @@ def test_a_simulation_is_built_with_the_radius_that_it_collides_with_and_its_fil
     with pytest.raises(lrf3d.CollisionError):
         lrf3d.Simulation(ROOM, through, lrf, radius=0.5)
     assert list(lrf3d.Simulation(ROOM, through, lrf, radius=0.5, on_collision="ignore"))
-
-
-def test_a_file_with_objects_of_python_is_refused(tmp_path):
-    np.savez(tmp_path / "pickled.npz", version=np.array([object()], dtype=object))
-    with pytest.raises(InputError, match=r"pickled\.npz"):
-        load_run(tmp_path / "pickled.npz")

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, Phase, example, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -17,10 +17,7 @@ from lrf3d.geometry.lines import lengths
 from lrf3d.world import load_world
 from lrf3d.world.mesh import cut_of_mesh
 
-GENERATED = {
-    "deadline": None, "max_examples": 40, "phases": [Phase.explicit, Phase.generate],
-    "suppress_health_check": [HealthCheck.function_scoped_fixture],
-}  # fmt: skip
+GENERATED = {"max_examples": 40, "phases": [Phase.explicit, Phase.generate]}
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import lrf3d
@@ -17,7 +17,6 @@ def shortened(segments, first, last):
     return np.hstack([segments[:, :2] + first * along, segments[:, 2:] - last * along])
 
 
-@settings(deadline=None)
 @given(
     st.floats(-0.9 * OVERSHOOT, 0.99 * WIDEST),
     st.floats(-0.9 * OVERSHOOT, 0.99 * WIDEST),

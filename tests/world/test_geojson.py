@@ -58,7 +58,7 @@ def test_touching_footprints_become_one_block_with_straight_facades(tmp_path):
     assert sorted(lengths(world)[world.objects == 0]) == pytest.approx([9.0, 9.0, 30.0, 30.0])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     gap=st.floats(-0.5, 0.049),
     angle=st.floats(0.0, 3.0),

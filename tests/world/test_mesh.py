@@ -52,7 +52,7 @@ def towns(draw):
 def test_a_world_comes_back_from_a_glb_as_float32_has_it(tmp_path_factory):
     path = tmp_path_factory.mktemp("worlds") / "town.glb"
 
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=25)
     @given(towns())
     def check(world):
         save_world(world, path)

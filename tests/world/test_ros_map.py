@@ -30,7 +30,7 @@ def room():
     return pixels
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.floats(-1.0, 1.0), st.floats(0.0, 1.0), st.integers(3, 300), st.booleans())
 def test_a_straight_wall_drawn_cell_by_cell_is_one_segment(slope, shift, length, upright):
     column = np.arange(length)
@@ -40,7 +40,7 @@ def test_a_straight_wall_drawn_cell_by_cell_is_one_segment(slope, shift, length,
     assert len(walls_of_grid(cells.T if upright else cells)) == 1
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(1, 2), st.integers(5, 60), st.booleans())
 def test_walls_of_one_or_two_cells_are_lines_along_their_middle(thick, length, upright):
     cells = np.zeros((12, length + 8), dtype=bool)
@@ -52,7 +52,7 @@ def test_walls_of_one_or_two_cells_are_lines_along_their_middle(thick, length, u
     assert np.abs(np.sort(ends[:, along]) - [4, 4 + length]).max() <= 1.5
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(arrays(np.bool_, st.tuples(st.integers(2, 14), st.integers(2, 14))))
 def test_every_occupied_cell_at_an_edge_is_near_a_wall(cells):
     edge = cells[1:-1, 1:-1] & ~(
@@ -182,7 +182,7 @@ def test_a_bare_picture_is_read_with_a_resolution(tmp_path):
         load_world("city", resolution=0.1)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     arrays(np.float64, 4, elements=st.floats(-6.0, 6.0)).filter(
         lambda ends: np.hypot(*(ends[2:] - ends[:2])) > 0.5

@@ -18,6 +18,13 @@ from lrf3d.base.text import table
 
 _LINE = re.compile(r"((?:-\w )?--[\w-]+|\[?[A-Z|]+\]?(?:\.\.\.)?)(?: (\S+))??(?: = (\S+))?: (.*)")
 
+# What other programs call an option, by the words that `_plain` gives.
+ELSEWHERE = {
+    **dict.fromkeys(("duration", "n", "seconds", "steps", "time"), "--scans"),
+    **dict.fromkeys(("repeats", "runs", "trials"), "--seeds"),
+    **dict.fromkeys(("output", "results"), "--out"),
+}
+
 
 class Option(NamedTuple):
     """A line of a help page: an option, or an argument, whose name is in capitals."""
@@ -70,17 +77,23 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
 def _refuse_unknown(unknown: Sequence[str], options: Sequence[Option], program: str) -> None:
     """Refuse unknown options, and propose the nearest one, or a key of world files."""
     known = [flag for option in options for flag in option.names if flag.startswith("--")]
-    words = {flag: flag for flag in known}
+    words = {_plain(flag): flag for flag in known}
     if unknown and "--set" in known:
         from lrf3d.simulation.tables import SENSORS, TABLES, keys_of_table
 
         for table in (*TABLES, *SENSORS):
             for key in keys_of_table(table):
-                words.setdefault(f"--{key.replace('_', '-')}", f"--set {table}.{key}=VALUE")
+                words.setdefault(_plain(key), f"--set {table}.{key}=VALUE")
+    words |= {word: flag for word, flag in ELSEWHERE.items() if flag in words.values()}
     for flag in unknown:
-        near = get_close_matches(flag, words, n=1)
+        near = get_close_matches(_plain(flag), words, n=1, cutoff=0.7)
         hint = f"did you mean {words[near[0]]!r}?" if near else f"see {program} -h"
         raise InputError(f"{program.partition(' ')[2]}: there is no {shown(flag)}; {hint}")
+
+
+def _plain(name: str) -> str:
+    """A name without dashes, its words in the order of letters: `--max-range` is `range_max`."""
+    return " ".join(sorted(re.findall(r"[^-_]+", name)))
 
 
 def _joined(words: Sequence[str], options: Sequence[Option]) -> list[str]:

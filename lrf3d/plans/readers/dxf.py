@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from lrf3d.base.errors import WorldError
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
+from lrf3d.geometry.lines import LARGEST_COORDINATE, ROUNDING, Float
 from lrf3d.plans.canvas import (
     CURVE_ERROR,
     PALEST,
@@ -57,7 +57,7 @@ LEFT_OUT = {
 PATTERNED = dict.fromkeys(("HATCH", "MPOLYGON"), "hatching pattern")
 
 # Feet of the survey of the United States [m], with its inches, yards and miles, by their codes.
-SURVEY_FOOT = 1200.0 / 3937.0
+SURVEY_FOOT = 1200 / 3937
 SURVEY = {21: SURVEY_FOOT, 22: SURVEY_FOOT / 12, 23: 3 * SURVEY_FOOT, 24: 5280 * SURVEY_FOOT}
 
 # Bit of the flags of a block that is an external reference.
@@ -282,7 +282,7 @@ class _EntityPainter(Backend):
         if not extent * self.scale <= LARGEST_COORDINATE:
             raise WorldError("holds a curve that is not finite, or far too large")
         if path.has_curves:
-            distance = 0.5 * min(self.canvas.tolerance, max(extent / 200.0, 1e-12))
+            distance = 0.5 * min(self.canvas.tolerance, max(extent / 200.0, ROUNDING))
             corners = np.array([tuple(p) for p in path.flattening(distance, segments=4)])
             # Splines are flattened finer than the distance asks for: drop the points in excess.
             line = shapely.simplify(shapely.linestrings(corners), distance, preserve_topology=False)

@@ -22,10 +22,10 @@ from lrf3d.plans.canvas import THICKEST_SOLID, WHITE
 from lrf3d.plans.doubts import notes, of_cells, of_dark, of_outside, of_thick
 from lrf3d.plans.parts import Parts
 from lrf3d.plans.plan import Plan
-from lrf3d.plans.rules.enclosure import closed_share, reduced
-from lrf3d.plans.rules.left_out import RIM, LeftOut, drawn_on, rows_of
+from lrf3d.plans.rules.enclosure import closed_share, drawn_on, reduced
+from lrf3d.plans.rules.left_out import RIM, LeftOut, rows_of
 from lrf3d.plans.rules.pixels import contrast_of, evened, on_paper, pen_of, threshold_of
-from lrf3d.plans.rules.sheet import is_frame
+from lrf3d.plans.rules.sheet import are_bars, is_frame
 from lrf3d.world.grid_walls import (
     box_of,
     extent_of,
@@ -360,7 +360,7 @@ def _building(solid: Bool, pixels: float) -> Bool:
 
 def _is_bar(hull: Any, others: Any) -> bool:
     """Whether a hull is long and narrow, and outside of what others (n,) surround."""
-    if 8.0 * hull.area >= hull.length**2 / 4.0:
+    if not are_bars(hull):
         return False
     around = shapely.convex_hull(shapely.geometrycollections(others))
     return bool(shapely.disjoint(hull, around))

@@ -21,7 +21,7 @@ import shapely
 import svgelements
 
 from lrf3d.base.errors import WorldError, one_line, shown
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Float
+from lrf3d.geometry.lines import LARGEST_COORDINATE, ROUNDING, Float
 from lrf3d.plans.canvas import (
     FAINT,
     POINT,
@@ -40,12 +40,12 @@ from lrf3d.plans.scale import sheet_scales
 from lrf3d.world.model import INCH, METRES
 
 # A pixel [m]: the unit of lengths that name none.
-PIXEL = INCH / 96.0
+PIXEL = INCH / 96
 
 # Metres in the units of lengths.
 UNITS = {
     "": PIXEL, "px": PIXEL, "m": 1.0, "cm": METRES["cm"], "mm": METRES["mm"], "q": METRES["mm"] / 4,
-    "in": INCH, "pt": POINT, "pc": 12.0 * POINT, "em": 16.0 * PIXEL,
+    "in": INCH, "pt": POINT, "pc": 12 * POINT, "em": 16 * PIXEL,
 }  # fmt: skip
 
 # Properties that an element takes over from those around it.
@@ -104,10 +104,7 @@ class State(NamedTuple):
 
 def draw(path: Path, scale: float | PerUnit) -> Canvas:
     """The marks of an SVG drawing, enlarged by a scale."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise WorldError(f"not XML: {error}") from None
+    root = ElementTree.parse(path).getroot()
     if _tag(root) != "svg":
         raise WorldError(f"<{_tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
@@ -439,7 +436,7 @@ def _box(element: Element) -> tuple[float, ...]:
     """The ``viewBox`` of an element: x, y, width, height."""
     text = element.get("viewBox") or "0 0 1 1"
     box = tuple(map(float, re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", text)))
-    if len(box) != 4 or not (min(box[2:]) > 1e-9 and max(box[2:]) <= LARGEST_COORDINATE):
+    if len(box) != 4 or not (min(box[2:]) > ROUNDING and max(box[2:]) <= LARGEST_COORDINATE):
         raise WorldError(f"viewBox is {shown(text)}, expected a place and a size above 0")
     return box
 

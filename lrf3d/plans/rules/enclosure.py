@@ -6,11 +6,11 @@ plans: a town of solid blocks, and a few long walls.
 
 import numpy as np
 import shapely
+from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt, label
 
-from lrf3d.geometry.lines import Bool, Float, Int, lengths
+from lrf3d.geometry.lines import ROUNDING, Bool, Float, Int, lengths
 from lrf3d.plans.canvas import THICKEST_SOLID
-from lrf3d.plans.rules.left_out import drawn_on
 from lrf3d.world.grid_walls import extent_of, grown, on_border, parts_of, walls_of_grid
 
 # Number of cells along a plan whose rooms are sought, and of empty ones around it.
@@ -108,7 +108,17 @@ def _rooms(dark: Bool, reach: float) -> Int:
 def drawn_cells(walls: Float) -> tuple[Bool, float]:
     """The cells (rows, columns) along walls (n, 4), within a border, and their number per metre."""
     points = walls.reshape(-1, 2)
-    scale = CELLS / max(float(np.ptp(points, axis=0).max()), 1e-9)
+    scale = CELLS / max(float(np.ptp(points, axis=0).max()), ROUNDING)
     lines = scale * (walls - np.tile(points.min(axis=0), 2)) + BORDER
     columns, rows = (np.ceil(lines.reshape(-1, 2).max(axis=0)).astype(int) + BORDER).tolist()
     return drawn_on((rows, columns), lines), scale
+
+
+def drawn_on(shape: tuple[int, ...], lines: Float, width: int = 1) -> Bool:
+    """The cells of a grid of a shape under lines (n, 4) [cells] of a width [cells]."""
+    rows, columns = shape
+    image = Image.new("1", (columns, rows))
+    pen = ImageDraw.Draw(image)
+    for line in lines.tolist():
+        pen.line(line, fill=1, width=width)
+    return np.asarray(image, dtype=np.bool_)

@@ -3,7 +3,6 @@
 from collections import Counter
 
 import numpy as np
-from PIL import Image, ImageDraw
 
 from lrf3d.base.balance import Balance
 from lrf3d.geometry.lines import Bool, Float
@@ -54,16 +53,6 @@ class LeftOut:
         for reason, count in zip(self.parts, counts[1:].tolist(), strict=True):
             balance.leave(reason, count)
         return balance
-
-
-def drawn_on(shape: tuple[int, ...], lines: Float, width: int = 1) -> Bool:
-    """The cells of a grid of a shape under lines (n, 4) [cells] of a width [cells]."""
-    rows, columns = shape
-    image = Image.new("1", (columns, rows))
-    pen = ImageDraw.Draw(image)
-    for line in lines.tolist():
-        pen.line(line, fill=1, width=width)
-    return np.asarray(image, dtype=np.bool_)
 
 
 def rows_of(cells: Bool) -> Float:

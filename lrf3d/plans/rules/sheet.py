@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from lrf3d.geometry.lines import Bool, Float, Int, cross, directions, lengths
+from lrf3d.geometry.lines import ROUNDING, Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.pieces import connected, groups, members_of, pairs_within
 
 # Largest size [m] of a tick, an arrowhead or a dot: on a plan of 1:100 they are 3 mm, and on one of
@@ -198,7 +198,7 @@ def _heads(barbs: Float, own: Int) -> list[_Found]:
     i, j = np.unravel_index(np.argmin(apart), (2, 2))
     back = np.stack([a[1 - i] - a[i], b[1 - j] - b[j]])
     sizes = np.hypot(*back.T)
-    back /= np.maximum(sizes[:, None], 1e-9)
+    back /= np.maximum(sizes[:, None], ROUNDING)
     angle = np.degrees(np.arccos(np.clip(back[0] @ back[1], -1.0, 1.0)))
     shortest = 0.03  # [m]
     even = shortest < sizes.min() > sizes.max() / 1.2 and apart[i, j] < 1.5 * MEETING
@@ -357,6 +357,12 @@ def is_aside(segments: Float, named: Bool) -> Bool:
     known = hulls[np.unique(part[named])]
     plan = shapely.convex_hull(shapely.union_all([whole[int(np.argmax(area))], *known]))
     # Another building may stand there, but none is as narrow as a title bar.
-    narrow = 8.0 * shapely.area(hulls) < shapely.length(hulls) ** 2 / 4.0
-    aside = shapely.disjoint(hulls, plan) & (narrow | (shapely.area(hulls) < 0.3 * plan.area))
+    aside = shapely.disjoint(hulls, plan) & (
+        are_bars(hulls) | (shapely.area(hulls) < 0.3 * plan.area)
+    )
     return np.asarray(aside[part])
+
+
+def are_bars(hulls: Any) -> Any:
+    """Which hulls (n,) are at least eight times as long as wide."""
+    return 8.0 * shapely.area(hulls) < (0.5 * shapely.length(hulls)) ** 2

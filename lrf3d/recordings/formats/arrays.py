@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
-from lrf3d.base.files import check_ordinary
 from lrf3d.base.formats import head_of
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
@@ -98,7 +97,6 @@ def is_messages(path: Path) -> bool:
 def array_table(intake: Intake, format: str | None) -> Table:
     """The table of a file of arrays."""
     path = intake.path
-    check_ordinary(path, what="a file of arrays")
     try:
         arrays = _arrays_in(path)
     except NotImplementedError:

@@ -16,6 +16,7 @@ from lrf3d.geometry.lines import Records
 from lrf3d.laser import LidarScan
 from lrf3d.messages.clouds import POINT, records_of
 from lrf3d.recordings.formats.npz import write_npz
+from lrf3d.recordings.formats.units import MILLI
 from lrf3d.simulation.run import Run
 
 # A point without gaps between its fields, as in files.
@@ -86,7 +87,7 @@ def write_las(run: Run, path: Path) -> None:
     except ImportError:
         raise MissingLibraryError(f"{path}: LAS needs laspy: pip install 'lrf3d[las]'") from None
     header = laspy.LasHeader(point_format=6, version="1.4")
-    header.scales = np.full(3, 1e-3)
+    header.scales = np.full(3, MILLI)
     header.offsets = np.append(np.floor(run.trajectory.poses[0, :2]), 0.0)
     header.add_extra_dim(laspy.ExtraBytesParams("ring", np.uint16))
     scans = _records(run, path, local=False)
@@ -99,7 +100,7 @@ def write_las(run: Run, path: Path) -> None:
             points = laspy.ScaleAwarePointRecord.zeros(len(rows), header=header)
             points.x, points.y, points.z = (rows[name].astype(np.float64) for name in "xyz")
             # By the standard the largest intensity is 65,535: a white wall at 1 m, or brighter.
-            points.intensity = np.minimum(rows["intensity"], 1.0) * 65535.0
+            points.intensity = np.minimum(rows["intensity"], 1.0) * 65_535
             points.gps_time = rows["time"]
             points.ring = rows["ring"]
             points.return_number[:] = points.number_of_returns[:] = 1

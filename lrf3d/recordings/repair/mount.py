@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from lrf3d.base.interrupts import check
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import ROUNDING, Float
 from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
@@ -54,7 +54,7 @@ def find(recording: Recording) -> Pose | None:
         return None
     (_, centred), straight, turned = (
         _fitted(driven, seen, farthest)
-        for farthest in ((1e-9, 1e-9), (FARTHEST, 1e-9), (FARTHEST, FARTHEST))
+        for farthest in ((ROUNDING, ROUNDING), (FARTHEST, ROUNDING), (FARTHEST, FARTHEST))
     )
     # A robot that turns on the spot does not show a turn of its laser.
     mount, off = turned if straight[1] > CLEARLY * turned[1] else straight

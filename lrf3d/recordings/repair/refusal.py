@@ -6,6 +6,7 @@ from lrf3d.base.errors import InputError
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LARGEST_TIME
 from lrf3d.laser import doubtful_ranges, doubtful_unit
+from lrf3d.recordings.formats.text.fans import WIDEST_FAN
 from lrf3d.recordings.log import LaserLog
 
 # Least number of beams of a scan that show a wall.
@@ -43,8 +44,7 @@ def refuse_unsolvable(log: LaserLog) -> None:
     first = scans[0].angles
     if len(first) < LEAST_BEAMS:
         raise InputError(f"scans of {len(first)} beams; expected at least {LEAST_BEAMS}")
-    # A full turn, with room for the rounding of drivers.
-    if np.abs(first).max() > 2.1 * np.pi:
+    if np.abs(first).max() > WIDEST_FAN:
         largest = first[np.abs(first).argmax()]
         raise InputError(f"a beam at {largest:g} rad; expected angles of at most a turn")
     finite = np.isfinite(line.poses).all(axis=1) & np.isfinite(line.times)

@@ -126,7 +126,7 @@ class KnownPlaces:
             origin = np.array(known.origin)
             return cls(world.name, known.occupied, known.cells, known.resolution, origin)
         widest = float(np.sqrt(np.prod(np.ptp(world.bounds, axis=0)) / MOST_CELLS))
-        side = cell_size(world, max(0.05, widest))
+        side = max(cell_size(world), widest)
         cells, corner = map_cells(world, side, Path(world.name))
         return cls(world.name, cells == OCCUPIED, cells == FREE, side, np.array([*corner, 0.0]))
 

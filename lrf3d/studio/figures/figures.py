@@ -26,8 +26,11 @@ from lrf3d.simulation.run import Run
 from lrf3d.simulation.scenario import Scenario
 from lrf3d.studio.figures import plot
 from lrf3d.studio.figures.sheet import (
+    DOT,
     FAINT,
+    HAIRLINE,
     INK,
+    LINE,
     MARGIN,
     add_legend,
     dressed,
@@ -74,9 +77,6 @@ BAR_MARGIN = 0.02
 
 # Width of the plan in lengths of the longest scale bar.
 BARS = 4.0
-
-# Width of walls where they are all that is drawn [points].
-WALL_WIDTH = 1.6
 
 # Colour of what the worst stretch of a drive saw.
 NEW = "#d6361f"
@@ -155,13 +155,12 @@ def draw_world(
     if plan is not None:
         places.append(np.concatenate([np.empty((0, 4)), *plan.removed.values()]).reshape(-1, 2))
     figure, (ax,) = metre_sheet(places, 1, world.name or "world", words)
-    plot.world(world, ax, poses=robots, linewidth=WALL_WIDTH)
+    plot.world(world, ax, poses=robots)
     if plan is not None:
         _draw_plan(plan, ax)
     if len(legs):
         ax.plot(
-            *legs.T, color=plot.PATH, linewidth=1.2, linestyle=(0.0, (4.0, 2.0)), label="route",
-            zorder=3,
+            *legs.T, color=plot.PATH, linewidth=LINE, linestyle="dashed", label="route", zorder=3,
         )  # fmt: skip
     if scan is not None:
         plot.scan(scan, ax, lrf=lrf)
@@ -212,11 +211,11 @@ def _draw_plan(plan: PlanShown, ax: Axes) -> None:
     for (name, strokes), colour in zip(plan.removed.items(), cycle(LEFT_OUT), strict=False):
         lines = list(strokes.reshape(-1, 2, 2))
         label = f"left out: {name}s"
-        rest = LineCollection(lines, colors=colour, linewidths=0.6, label=label, zorder=1)
+        rest = LineCollection(lines, colors=colour, linewidths=HAIRLINE, label=label, zorder=1)
         ax.add_collection(rest, autolim=False)
     for number, door in enumerate(plan.doors):
         label = "doors that stand open" if number == 0 else "_"
-        ax.plot(*door.opening.T, color=plot.PATH, linewidth=WALL_WIDTH, label=label, zorder=3)
+        ax.plot(*door.opening.T, color=plot.PATH, linewidth=LINE, label=label, zorder=3)
         ax.annotate(f"{door.width:.2f}", door.opening.mean(axis=0), color=plot.PATH, fontsize=6)
     for area, place in plan.rooms[:MOST_ROOMS]:
         ax.annotate(f"{area:.1f} m²", (place[0], place[1]), ha="center", color=INK, fontsize=8)
@@ -295,7 +294,7 @@ def draw_noise_levels(
     poses = runs[0].trajectory.poses
     world = Sight.of(runs[0].world, poses[:, :2]).world
     figure, axes = metre_sheet([world.segments.reshape(-1, 2), poses[:, :2]], len(runs) + 1)
-    plot.world(world, axes[0], poses=poses, linewidth=WALL_WIDTH)
+    plot.world(world, axes[0], poses=poses)
     plot.scan(runs[0].true_scan(0), axes[0])
     plot.trajectory(poses, axes[0])
     _head(axes[0], f"(a)  the world and the first scan, $d_{{max}}$ = {runs[0].lrf.range_max:g} m")
@@ -339,8 +338,8 @@ def draw_crosscheck(
     # Many beams are drawn finer, or they would hide the world and each other.
     fine = float(np.interp(len(starts), [20, 100], [1.0, 0.4]))
     for answers, colour, label, width in (
-        (result.ranges[:, 1], WRONG, "Embree's answer", 1.2),
-        (result.ranges[:, 0], plot.BEAM, "exact answer", 2.0),
+        (result.ranges[:, 1], WRONG, "Embree's answer", LINE),
+        (result.ranges[:, 0], plot.BEAM, "exact answer", 2.0 * LINE),
     ):
         if not len(answers):
             continue
@@ -349,7 +348,7 @@ def draw_crosscheck(
         ax.add_collection(
             LineCollection(lines, colors=colour, linewidths=fine * width, label=label, zorder=4)
         )
-        ax.plot(*ends.T, "o", markersize=4.0 * fine, color=colour, mew=0, zorder=5)
+        ax.plot(*ends.T, "o", markersize=DOT * fine, color=colour, mew=0, zorder=5)
     return finished(figure, [ax], path)
 
 
@@ -377,7 +376,7 @@ def draw_check(
         (poses[:, :2] > low) & (poses[:, :2] < high)
     ).all(axis=1)
     seen_by = (inside, NEW, f"scans {first} to {last}"), (others, OLD, "scans of other passes")
-    share = f"{100.0 * shown.violation:.0f} % of what others saw is passed by beams"
+    share = f"{100 * shown.violation:.0f} % of what others saw is passed by beams"
     words = f"scans {first} to {last}" + f": {share}" * bool(shown.violation)
     figure, axes = metre_sheet([np.array([low, high])], 3, title, words)
     for ax, panel in zip(axes, (seen_by[:1], seen_by[1:], seen_by[::-1]), strict=True):
@@ -385,17 +384,17 @@ def draw_check(
             seen = [shown.points[k] for k in np.flatnonzero(chosen).tolist()]
             points = np.vstack([np.empty((0, 2)), *seen])
             ax.plot(*points.T, ".", markersize=1.5, color=colour, label=name, zorder=3)
-        ax.plot(*poses[inside, :2].T, color=NEW, linewidth=0.8, zorder=4)
+        ax.plot(*poses[inside, :2].T, color=NEW, linewidth=HAIRLINE, zorder=4)
     ends = [poses[[old, new], :2] for old, new, _ in refused]
     axes[2].add_collection(
-        LineCollection(ends, colors=WRONG, linewidths=0.9, label="refused closures", zorder=5)
+        LineCollection(ends, colors=WRONG, linewidths=HAIRLINE, label="refused closures", zorder=5)
     )
     for row, why in enumerate(dict.fromkeys(each for _, _, each in refused)):
         pairs = [f"{scans[old]}:{scans[new]}" for old, new, each in refused if each == why]
         words = f"{len(pairs)} refused, such as {pairs[0]}: {why}"
         axes[2].text(
-            BAR_MARGIN, 0.97 - WORDS_STEP * row, words, transform=axes[2].transAxes, va="top",
-            color=WRONG, fontsize=7,
+            BAR_MARGIN, 1.0 - BAR_MARGIN - WORDS_STEP * row, words, va="top",
+            transform=axes[2].transAxes, color=WRONG, fontsize=7,
         )  # fmt: skip
     return finished(figure, axes, path)
 

@@ -19,14 +19,14 @@ from matplotlib.transforms import Affine2D
 from shapely.plotting import patch_from_polygon
 
 from lrf3d.base.errors import InputError, expect
-from lrf3d.geometry.lines import Float, Int, lengths, numbers
+from lrf3d.geometry.lines import ROUNDING, Float, Int, lengths, numbers
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tints import object_tints
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.simulation.run import Run
-from lrf3d.studio.figures.sheet import FAINT, INK, dressed, plain, sheet
-from lrf3d.studio.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED, TINY
+from lrf3d.studio.figures.sheet import DOT, FAINT, HAIRLINE, INK, LINE, PAD, dressed, plain, sheet
+from lrf3d.studio.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED
 from lrf3d.studio.scene.marks import TRUTH, believed, kept_ellipses, outlines
 from lrf3d.studio.scene.stage.structures import Sight, enclosed_areas
 from lrf3d.world import World
@@ -60,11 +60,8 @@ CLOSED = "#0b8a5f"
 # Colour of loop closures that were dropped.
 DROPPED = "#d6361f"
 
-# Gap between dashes [widths of a line].
-GAP = 1.6
-
-# Glass is dashed and mirrors are dash-dotted, in worlds and in maps [widths of a line].
-DASHES = {"glass": (0.0, (2.2, GAP)), "mirror": (0.0, (5.0, GAP, 1.0, GAP))}
+# Glass is dashed and mirrors are dash-dotted, in worlds and in maps.
+DASHES = {"glass": "dashed", "mirror": "dashdot"}
 
 # Reflection points drawn at most: more would only make the picture slower.
 MOST_POINTS = 200_000
@@ -75,10 +72,7 @@ FEW_POSES = 6
 # Up to this number of objects each is drawn with its name.
 FEW_OBJECTS = 9
 
-# Width of a new figure [inches].
-FIGURE = 6.4
-
-# Height of a new figure, and the longer side of a value's picture in a notebook [inches].
+# Longer side of a value's picture in a notebook [inches].
 PICTURE = 4.8
 
 # Median distance of poses from which on they are places and no drive, as a part of the axes.
@@ -97,13 +91,13 @@ def world(world: World, ax: Axes | None = None, *, poses: Any = None, **style: A
     robots = np.empty((0, 3)) if poses is None else _rows(poses, 3, "poses")
     ax = _axes(ax)
     outlines = [patch_from_polygon(area).get_path() for area in _enclosed(world, robots)]
-    ax.add_collection(PathCollection(outlines, facecolor=INSIDE, edgecolor="none", zorder=0.4))
+    ax.add_collection(PathCollection(outlines, facecolor=INSIDE, edgecolor="none", zorder=0))
     made_of = [
         "glass" if one and one.passes else "mirror" if one and one.mirrors else "wall"
         for one in world.materials
     ]
     kinds = np.array(made_of or ["wall"])[world.objects if made_of else 0 * world.objects]
-    usual = {"color": INK, "linewidth": 1.2, "label": "true walls", "zorder": 2.0}
+    usual = {"color": INK, "linewidth": LINE, "label": "true walls", "zorder": 2}
     _draw_walls(ax, world.segments, kinds, _styled(usual, style))
     return _shown(ax)
 
@@ -126,9 +120,9 @@ def map(
     if objects is None:
         objects = np.unique(line_map.objects, return_inverse=True)[1]
     colours = object_tints(objects)
-    width = float(np.interp(len(line_map), [60, 600, 5000], [2.6, 1.8, 0.9]))
+    width = float(np.interp(len(line_map), [60, 5000], [2.6, 0.9]))
     words = "map, a colour for each object"
-    usual = {"color": colours, "linewidth": width, "label": words, "zorder": 4.0}
+    usual = {"color": colours, "linewidth": width, "label": words, "zorder": 4}
     _draw_walls(ax, line_map.segments, line_map.kinds, _styled(usual, style))
     numbers = np.unique(objects)
     places = np.searchsorted(numbers if among is None else np.unique(among), numbers)
@@ -152,8 +146,8 @@ def points(points: Float, ax: Axes | None = None, **style: Any) -> Axes:
     if not len(points):
         return ax
     shown = points[:: max(1, -(-len(points) // MOST_POINTS))]
-    size = float(np.interp(len(shown), [500, 5000, 50_000], [2.6, 1.4, 0.7]))
-    usual = {"color": POINT, "marker": ".", "markersize": size, "alpha": 0.8, "zorder": 1.5}
+    size = float(np.interp(len(shown), [500, 50_000], [2.6, 0.7]))
+    usual = {"color": POINT, "marker": ".", "markersize": size, "zorder": 1}
     view = ax.dataLim.frozen() if ax.has_data() else None
     ax.plot(*shown.T, **_styled({**usual, "linestyle": "none", "mew": 0}, style))
     # Dots of a large cloud are too fine for a legend.
@@ -175,12 +169,12 @@ def scan(
     ax = _axes(ax)
     hits = scan.points()
     here = np.array([scan.pose[:2]])
-    usual = {"color": BEAM, "linewidth": 0.6, "alpha": 0.5, "label": "beams", "zorder": 1.2}
+    usual = {"color": BEAM, "linewidth": HAIRLINE, "alpha": 0.5, "label": "beams", "zorder": 1}
     missed = np.isposinf(scan.ranges) & (lrf is not None)
     if len(hits):
         # Beams end at returns or at nothing: the returns decide what is in view.
         ax.add_collection(_fan(here, hits, **_styled(usual, style)), autolim=False)
-        ax.plot(*hits.T, ".", color=HIT, markersize=4.5, mew=0, label="returns", zorder=5)
+        ax.plot(*hits.T, ".", color=HIT, markersize=DOT, mew=0, label="returns", zorder=5)
     if lrf is not None and missed.any():
         far = reflection_points(
             scan.pose, scan.angles[missed], np.full(missed.sum(), lrf.range_max)
@@ -204,13 +198,13 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
         return _shown(ax)
     ax.update_datalim(poses[:, :2])
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    usual = {"color": PATH, "linewidth": 1.1, "alpha": 0.9, "label": "path", "zorder": 3}
+    usual = {"color": PATH, "linewidth": LINE, "label": "path", "zorder": 3}
     if np.nanmedian(steps) > JUMP * max(ax.dataLim.size):
-        usual |= {"linestyle": "none", "marker": "o", "markersize": 3.5, "label": "poses"}
+        usual |= {"linestyle": "none", "marker": "o", "markersize": DOT, "label": "poses"}
         style = {key: value for key, value in style.items() if key != "label"}
     line = ax.plot(*poses[:, :2].T, **_styled(usual, style))[0]
     ax.plot(
-        *poses[0, :2], "o", markersize=4.7, mfc="white", mec=line.get_color(), zorder=5,
+        *poses[0, :2], "o", markersize=DOT, mfc="white", mec=line.get_color(), zorder=5,
         label="_start",
     )  # fmt: skip
     _draw_robots(ax, poses[-1:], named=False)
@@ -223,11 +217,11 @@ def estimate(
     """Plot an estimated path with its ellipses of 95 % and, if asked, a line for each closure."""
     expect(estimate, EstimatedTrajectory, "estimate")
     ax = _axes(ax)
-    usual = {"color": ESTIMATE_COLOUR, "linewidth": 1.1, "label": believed(estimate), "zorder": 3.2}
+    usual = {"color": ESTIMATE_COLOUR, "linewidth": LINE, "label": believed(estimate), "zorder": 3}
     path = ax.plot(*estimate.poses[:, :2].T, **_styled(usual, style))[0]
     kept = kept_ellipses(estimate)
     rings = outlines(estimate.poses[estimate.known_scans[kept], :2], estimate.ellipses[kept])
-    faded = {"alpha": 0.5 * (1.0 + ESTIMATE_FADED), "linewidths": 0.8, "zorder": 3.3}
+    faded = {"alpha": 0.5 * (1.0 + ESTIMATE_FADED), "linewidths": HAIRLINE, "zorder": 3}
     edges: Any = {"facecolors": "none", "edgecolors": path.get_color(), **faded}
     ax.add_collection(PolyCollection(list(rings), **edges))
     for pairs, colour, name in closures * (
@@ -237,7 +231,7 @@ def estimate(
         if len(pairs):
             ends = list(estimate.lines(pairs).reshape(-1, 2, 2))
             ax.add_collection(
-                LineCollection(ends, colors=colour, linewidths=0.7, zorder=3.5, label=name)
+                LineCollection(ends, colors=colour, linewidths=HAIRLINE, zorder=3, label=name)
             )
     return _shown(ax)
 
@@ -258,7 +252,7 @@ def paths(poses: Float, estimated: EstimatedTrajectory | None, ax: Axes) -> Axes
         return trajectory(poses, ax)
     # Of a recorded drive the truth is not known: its poses are the estimate.
     if not np.array_equal(poses, estimated.poses):
-        trajectory(poses, ax, linewidth=2.8, label=TRUTH)
+        trajectory(poses, ax, linewidth=2.0 * LINE, label=TRUTH)
     return estimate(estimated, ax, closures=False)
 
 
@@ -269,11 +263,11 @@ def png(value: World | LineMap | LaserScan | Run) -> bytes:
     figure = sheet(PICTURE, PICTURE)
     ax = draw(value, dressed(figure.add_subplot()))
     ax.set_aspect("equal", adjustable="box")
-    size = np.maximum(ax.dataLim.size, TINY) if ax.has_data() else np.ones(2)
+    size = np.maximum(ax.dataLim.size, ROUNDING) if ax.has_data() else np.ones(2)
     figure.set_size_inches(*(PICTURE * np.clip(size / size[::-1], 0.3, 1.0)))
     ax.set_title(fill(plain(repr(value)), 60), loc="left", color=FAINT, fontsize=7)
     file = BytesIO()
-    figure.savefig(file, format="png", dpi=100, bbox_inches="tight", pad_inches=0.08)
+    figure.savefig(file, format="png", dpi=100, bbox_inches="tight", pad_inches=PAD)
     return file.getvalue()
 
 
@@ -297,7 +291,7 @@ def _axes(ax: Axes | None) -> Axes:
         return ax
     from matplotlib import pyplot
 
-    return dressed(pyplot.figure(figsize=(FIGURE, PICTURE)).add_subplot())
+    return dressed(pyplot.figure().add_subplot())
 
 
 def _shown(ax: Axes) -> Axes:
@@ -344,7 +338,7 @@ def _draw_robots(ax: Axes, poses: Float, *, named: bool) -> None:
     for number, (x, y, theta) in enumerate(poses.tolist()):
         dart = MarkerStyle(Path(DART), transform=Affine2D().rotate(theta))
         ax.plot(
-            x, y, marker=dart, markersize=13, color=ROBOT, mec="white", mew=0.6, zorder=7,
+            x, y, marker=dart, markersize=13, color=ROBOT, mec="white", mew=HAIRLINE, zorder=7,
             linestyle="none", label="robot" if number == 0 else "_robot",
         )  # fmt: skip
         if named:

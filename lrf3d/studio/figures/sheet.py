@@ -28,6 +28,11 @@ SPINE = "#c9ced6"
 # Colours of the modes of the mapper: the default is warm.
 MODE_COLOURS = {"robust": "#d6361f", "paper": "#2f6fb3"}
 
+# Widths of fine lines and of others, and diameter of dots [points].
+HAIRLINE = 0.7
+LINE = 1.2
+DOT = 4
+
 # Sharp on screens and in print, at some 1500 pixels across.
 DOTS_PER_INCH = 150
 
@@ -80,10 +85,10 @@ def dressed(ax: Axes) -> Axes:
 def quiet(ax: Axes) -> Axes:
     """Axes with a light grid below all marks, and no strong lines."""
     ax.tick_params(which="both", colors=FAINT, labelsize=8, length=0)
-    ax.grid(color=GRID, linewidth=0.7)
+    ax.grid(color=GRID, linewidth=HAIRLINE)
     ax.set_axisbelow(True)
     for spine in ax.spines.values():
-        spine.set(color=SPINE, linewidth=0.8)
+        spine.set(color=SPINE, linewidth=HAIRLINE)
     return ax
 
 

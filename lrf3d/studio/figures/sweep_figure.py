@@ -10,15 +10,17 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from lrf3d.studio.figures.sheet import (
+    DOT,
     FAINT,
     INK,
+    LINE,
+    MARGIN,
     MODE_COLOURS,
     add_legend,
     quiet,
     save_figure,
     sheet,
 )
-from lrf3d.studio.scene.look import TINY
 
 # What the panels show: a measure, its name, and what its values are multiplied by.
 PANELS = (
@@ -44,9 +46,6 @@ WIDE = 3.6
 
 # Height of a panel [inches].
 TALL = 3.0
-
-# Height of an axis, in its largest value.
-HEADROOM = 1.08
 
 
 def draw_sweep(
@@ -99,7 +98,7 @@ def _draw_curves(
         axes.fill_between(x, low, high, color=colour, alpha=0.16, lw=0)
         style = STYLES[chosen.index(choice) % len(STYLES)]
         label = ", ".join(filter(None, (mapper, choice)))
-        axes.plot(x, mean, style, color=colour, marker="o", ms=4, label=label)
+        axes.plot(x, mean, style, color=colour, marker="o", ms=DOT, label=label)
 
 
 def _scales(axes: Axes, values: Sequence[float], measure: str) -> None:
@@ -113,8 +112,8 @@ def _scales(axes: Axes, values: Sequence[float], measure: str) -> None:
     axes.set_xticks(values, [f"{value:g}" for value in values], rotation=45 * (len(values) > 5))
     if measure.endswith(("_f1", "_purity")):
         # Shares have one scale; chance gives a purity of 0, so that one may be worse.
-        axes.set_ylim(min(-0.02, axes.get_ylim()[0]), 1.03)
+        axes.set_ylim(min(-MARGIN, axes.get_ylim()[0]), 1.0 + MARGIN)
         return
     if measure.endswith("_ratio"):
-        axes.axhline(1.0, color=FAINT, lw=1.0, ls=(0, (4, 3)), zorder=2)
-    axes.set_ylim(0.0, max(HEADROOM * axes.get_ylim()[1], TINY))
+        axes.axhline(1.0, color=FAINT, lw=LINE, ls="dashed", zorder=2)
+    axes.set_ylim(bottom=0.0)

@@ -12,6 +12,7 @@ from lrf3d.geometry.lines import Float
 from lrf3d.laser import DepthImage, LaserScan, LidarScan
 from lrf3d.mapping import LineMap
 from lrf3d.planning.planner import planned_way
+from lrf3d.robot.following import MAX_TURN_RATE
 from lrf3d.simulation.live import LiveRobot
 from lrf3d.simulation.loop import line_mapper
 from lrf3d.simulation.scenario import Scenario
@@ -19,9 +20,6 @@ from lrf3d.simulation.sensor import Caster
 from lrf3d.studio.page.errand import Errand
 from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline
 from lrf3d.world.cameras import USUAL_FILM
-
-# Fastest turn [rad/s]: a quarter turn takes a second.
-TURN_RATE = 1.5
 
 # Time from standing to full speed, and back [s].
 _RAMP = 0.25
@@ -161,7 +159,7 @@ class HandDrive:
         robot.drive(
             seconds,
             _towards(robot.speed, forward, self._fastest, seconds),
-            _towards(robot.turning, turn, TURN_RATE, seconds),
+            _towards(robot.turning, turn, MAX_TURN_RATE, seconds),
         )
         left = (robot.pose.theta - self.facing) * float(np.exp(-_CALM * seconds))
         self.facing = robot.pose.theta - left * (abs(left) > _STILL_ANGLE)

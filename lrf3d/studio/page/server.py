@@ -41,7 +41,7 @@ PORT = 8080
 MESSAGE_SIZE = 10_000
 
 # Least time between two answers to a page that drives [s].
-_STEP = 1.0 / 30.0
+_STEP = 1 / 30
 
 # Number of pages whose messages are answered at a time: each thread keeps memory of its own.
 _PAGES_AT_WORK = 4

@@ -103,7 +103,7 @@ class MapBeside:
         head = self.name
         for wall in self.close[: int(ended)]:
             hits, off = hits_on(run, wall)
-            head += f"  ·  hits ±{100.0 * off:.0f} cm" * bool(len(hits))
+            head += f"  ·  hits ±{100 * off:.0f} cm" * bool(len(hits))
             inset = inset._replace(marks=(*inset.marks, ("plan hits", self._scene.spots(hits))))
         plan = draw(inset, self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR

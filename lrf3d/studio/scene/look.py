@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import ROUNDING, Float
 from lrf3d.world import World
 
 Colour = tuple[float, float, float]
@@ -17,13 +17,13 @@ Colour = tuple[float, float, float]
 SIZE = (1280, 720)
 
 # Height of the picture that sizes in pixels are given for [pixels].
-LINES = 720.0
+LINES = SIZE[1]
 
 # The brightest value of a channel of a picture in whole numbers.
 WHITE = 255.0
 
 # The least length that is divided by [m]: what is shorter has no direction.
-TINY = 1e-9
+TINY = ROUNDING
 
 
 def rgb(code: str, digits: int = 3) -> Colour:

@@ -208,21 +208,15 @@ def _read(path: Path) -> _Extract:
     """The elements of a file; each is forgotten when it is read."""
     extract = _Extract()
     elements = ElementTree.iterparse(path, events=("start", "end"))
-    try:
-        _, root = next(elements)
-        if root.tag != "osm":
-            raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
-        for event, element in elements:
-            if event == "end" and element.tag == "remark":
-                extract.remark = (element.text or "").strip()
-            if event == "end" and element.tag in ELEMENTS:
-                _add(extract, element)
-                root.clear()
-    except WorldError:
-        raise
-    # Encodings that the parser does not know are a LookupError or a ValueError.
-    except (ElementTree.ParseError, LookupError, ValueError) as error:
-        raise WorldError(f"not XML: {error}; export the extract again") from None
+    _, root = next(elements)
+    if root.tag != "osm":
+        raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
+    for event, element in elements:
+        if event == "end" and element.tag == "remark":
+            extract.remark = (element.text or "").strip()
+        if event == "end" and element.tag in ELEMENTS:
+            _add(extract, element)
+            root.clear()
     return extract
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from program import lrf3d, ran, refused
+from waiting import until
 
 from lrf3d import export_run, load_scenario, save_run
 from lrf3d.apps.cli.commands import COMMANDS
@@ -165,6 +166,10 @@ def test_a_collision_can_be_ignored(room, tmp_path):
         ("run city --sede 3", "there is no '--sede'; did you mean '--seed'?"),
         ("run city --speed 2", "did you mean '--set robot.speed=VALUE'?"),
         ("run city --beam 91", "did you mean '--set laser.beams=VALUE'?"),
+        ("run city --max-range 8", "did you mean '--set laser.range_max=VALUE'?"),
+        ("run city --duration 8", "did you mean '--scans'?"),
+        ("sweep city --runs 8", "did you mean '--seeds'?"),
+        ("map a.log --max-range 8", "there is no '--max-range'; see lrf3d map -h"),
         ("run city --xyzzy", "there is no '--xyzzy'; see lrf3d run -h"),
         ("run city --mode best", "--mode: 'best': expected robust or paper"),
         ("run city --sigma much", "--sigma: 'much': expected a number from 0"),
@@ -235,8 +240,7 @@ def test_a_termination_is_obeyed_as_ctrl_c_and_what_is_ignored_stays_so(room, tm
         process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     finally:
         signal.signal(signal.SIGHUP, before)
-    while not (tmp_path / "out" / "run.journal").exists() and process.poll() is None:
-        pass
+    until(lambda: (tmp_path / "out" / "run.journal").exists() or process.poll() is not None)
     process.send_signal(signal.SIGHUP)
     assert process.poll() is None
     process.send_signal(signal.SIGTERM)

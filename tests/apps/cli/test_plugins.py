@@ -116,11 +116,6 @@ def test_nothing_is_imported_that_the_user_does_not_name(folder):
     assert "own_parts" in said and "imported" not in said
 
 
-def test_a_mapper_without_update_is_refused():
-    with pytest.raises(InputError, match="update"):
-        Simulation(BOX, [[2, 2, 0]], mapper=object())
-
-
 def test_a_controller_drives_exact_arcs_for_as_long_as_the_user_looks():
     steps = []
     for step in Simulation(BOX, Holds(1.0, 0.5), LRF, start=(5, 2, 0), scan_interval=0.1):

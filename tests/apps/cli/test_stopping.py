@@ -10,16 +10,17 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_cli import ROOM
+from waiting import PATIENCE, until
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at processes")
 
 STOPS = int(os.environ.get("LRF3D_STOPS", "1"))
-PATIENCE = 300.0
 
 FILM = ["--size", "64x64", "--fps", "2", "--playback", "2", "--workers"]
 
@@ -90,9 +91,7 @@ def stopped(arguments, moment, temporary):
     The signal goes to all of its processes, as from a terminal.
     """
     process = start(arguments, temporary)
-    end = time.monotonic() + PATIENCE
-    while not listens(process) and process.poll() is None:
-        assert time.monotonic() < end, "the program does not begin"
+    until(lambda: listens(process) or process.poll() is not None)
     try:
         _, err = process.communicate(timeout=moment)
     except subprocess.TimeoutExpired:
@@ -101,15 +100,15 @@ def stopped(arguments, moment, temporary):
     return process.returncode, err
 
 
-def working_in(folder):
-    """The processes whose command lines speak of a folder."""
+def is_left(folder):
+    """Whether there is no process whose command line speaks of a folder."""
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         try:
             if str(folder).encode() in path.read_bytes():
-                return True
+                return False
         except OSError:
             continue
-    return False
+    return True
 
 
 @pytest.mark.parametrize(
@@ -146,10 +145,7 @@ def test_ctrl_c_at_any_moment_ends_with_one_line(name, place, tmp_path):
         left = {path.name for path in out.glob("*")} - {path.name for path in whole.iterdir()}
         assert left <= {"run.journal", "summary.json"}, (moment, left)
         assert not [*out.rglob("*unfinished*"), *temporary.iterdir()], moment
-        end = time.monotonic() + 10.0
-        while working_in(out) and time.monotonic() < end:
-            pass
-        assert not working_in(out), moment
+        until(partial(is_left, out))
         if name in SAME:
             status, _, err = ended([*arguments, "--resume"])
             assert status == 0, (moment, err)

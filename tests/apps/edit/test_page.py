@@ -3,8 +3,9 @@
 from functools import partial
 
 import pytest
-from browser import needs_browser, opened, served, started, until
+from browser import needs_browser, opened, served
 from PIL import Image, ImageOps
+from waiting import until
 
 from lrf3d.plans.edits import read_edits
 
@@ -13,14 +14,9 @@ DRAWING = """<svg width="10m" height="8m" viewBox="0 0 1000 800" fill="none" str
 <g id="shelf"><path stroke="#ff0000" d="M300 300 h200 v100 h-200 z"/></g></svg>"""
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    with started() as browser:
-        yield browser
-
-
 def place(page, x, y):
-    """Where a place [m] is on the page [pixels]."""
+    """Where a place [m] is on the page [pixels], once what was decided is drawn."""
+    until(lambda: page.evaluate("!editor.pending"))
     box = page.locator(".lrf3d-top").bounding_box()
     across, down = page.evaluate("point => editor.sheet.toScreen(point)", [x, y])
     return box["x"] + across, box["y"] + down
@@ -72,7 +68,9 @@ def test_a_world_is_drawn_from_nothing_by_mouse_and_keyboard(tmp_path, chromium)
         until(lambda: "doorway" in read_edits(journal).as_dict())
         page.keyboard.press("r")
         drag(page, (3, 3), (3.8, 3))
-        assert until(lambda: "beams hit" in page.inner_text(".lrf3d-over"))
+        # The words about a beam go when the plan with the robot comes.
+        page.mouse.move(*place(page, 4, 3))
+        until(lambda: "beams hit" in page.inner_text(".lrf3d-over"))
         page.keyboard.press("Control+s")
         until(lambda: path.exists() and not page.inner_text(".lrf3d-old"))
         page.keyboard.press("g")

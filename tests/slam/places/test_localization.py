@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from program import told
 from synthetic_run import box, make_run, make_world
@@ -68,7 +68,6 @@ def lines_at(normals, angle=0.0, offset=0.0, deviation=0.01):
     return Innovation(off, noise, normals, np.ones(count, dtype=bool))
 
 
-@settings(suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(st.lists(poses, min_size=2, max_size=6))
 def test_steps_lead_from_pose_to_pose(drive):
     estimate = PoseEstimate(drive[0], np.zeros((3, 3)))

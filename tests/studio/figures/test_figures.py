@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from synthetic_run import around, box, make_run, make_world, ring
+from synthetic_run import around, box, make_run, make_world, ring, street
 
 import lrf3d
 from lrf3d import LaserRangeFinder, LineMap, OutputError, World
@@ -17,10 +17,6 @@ from lrf3d.studio.figures.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.studio.figures.plot import INSIDE, MOST_POINTS
 
 AWAY = (85000.0, 447500.0)
-
-
-def street(x=0.0, y=0.0):
-    return make_world(box(x, y, 10, 6), box(x + 14, y, 8, 6), name="street")
 
 
 @pytest.fixture(scope="module")

@@ -13,14 +13,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from PIL import Image
-from synthetic_run import around, box, make_run, make_world
+from synthetic_run import around, make_run, street
 
 import lrf3d
 from lrf3d.base.errors import MissingLibraryError
-
-
-def street(x=0.0, y=0.0):
-    return make_world(box(x, y, 10, 6), box(x + 14, y, 8, 6), name="street")
 
 
 @pytest.fixture(scope="module")

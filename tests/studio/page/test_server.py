@@ -7,7 +7,8 @@ from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 import pytest
-from browser import PATIENCE, served
+from browser import served
+from waiting import PATIENCE
 
 pytest.importorskip("websockets")
 
@@ -27,14 +28,19 @@ def address():
         yield address
 
 
-def get(address, path="/", **headers):
-    """The status and the body that a path is answered with."""
+def asked(address, path="/", method="GET", **headers):
+    """The answer to a request, and its body."""
     connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=PATIENCE)
-    connection.request("GET", path, headers={k.replace("_", "-"): v for k, v in headers.items()})
+    headers = {name.replace("_", "-"): value for name, value in headers.items()}
+    connection.request(method, path, headers=headers)
     response = connection.getresponse()
-    status, content = response.status, response.read().decode(errors="replace")
+    body = response.read().decode(errors="replace")
     connection.close()
-    return status, content
+    return response, body
+
+
+def status(address, path="/", **headers):
+    return asked(address, path, **headers)[0].status
 
 
 def page(address, *, origin=None, host=None):
@@ -48,14 +54,14 @@ def page(address, *, origin=None, host=None):
 def test_requests_of_other_sites_or_by_other_names_are_refused(address):
     port = urlsplit(address).port
     for host in (f"LocalHost:{port}", "[::1]:80", "localhost"):
-        assert get(address)[0] == get(address, Host=host)[0] == 200
-    assert get(address, "/lrf3d/world", Origin=address)[0] == 200
+        assert status(address) == status(address, Host=host) == 200
+    assert status(address, "/lrf3d/world", Origin=address) == 200
     for path in ("/", "/lrf3d/world", "/lrf3d/page.js", SOCKET, "/nowhere"):
         for host in ("evil.com", "localhost.evil.com", "127.0.0.1.nip.io", "2130706433", ""):
-            assert get(address, path, Host=f"{host}:{port}")[0] == 400
+            assert status(address, path, Host=f"{host}:{port}") == 400
         for origin in ("http://evil.com", "null", f"http://localhost:{port}"):
-            status, text = get(address, path, Origin=origin)
-            assert status == 403 and text.count("\n") == 1
+            response, text = asked(address, path, Origin=origin)
+            assert response.status == 403 and text.count("\n") == 1
 
 
 @pytest.mark.parametrize("names", [[], ["localhost", "evil.com"]])
@@ -94,7 +100,7 @@ def test_a_server_open_to_others_answers_to_the_names_of_its_machine(monkeypatch
 def test_files_beside_those_of_the_page_stay_here(address):
     for path in ("/server.py", "/..%2fserver.py", "/../server.py", "/%2fetc%2fpasswd"):
         for folder in ("", "/lrf3d", "/lrf3d/page.js"):
-            assert get(address, folder + path)[0] == 404
+            assert status(address, folder + path) == 404
 
 
 def test_malformed_messages_do_not_stop_a_drive(address):
@@ -117,31 +123,21 @@ def test_malformed_messages_do_not_stop_a_drive(address):
         assert float(words["v"]) > 0.0
 
 
-def asked(address, method, path="/"):
-    """The answer to a request, and its body."""
-    connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=PATIENCE)
-    connection.request(method, path)
-    response = connection.getresponse()
-    body = response.read()
-    connection.close()
-    return response, body
-
-
 def test_no_other_site_may_frame_the_page_or_load_its_files(address):
     for path in ("/", "/lrf3d/ground.jpg", "/lrf3d/world", "/lrf3d/page.js", "/nowhere"):
-        response, _ = asked(address, "GET", path)
+        response, _ = asked(address, path)
         assert "frame-ancestors 'none'" in response.headers["Content-Security-Policy"]
         assert response.headers["Cross-Origin-Resource-Policy"] == "same-origin"
         assert response.headers["X-Content-Type-Options"] == "nosniff"
 
 
 def test_a_page_is_only_read(address):
-    length = asked(address, "GET")[0].headers["Content-Length"]
-    response, body = asked(address, "HEAD")
-    assert (response.status, body, response.headers["Content-Length"]) == (200, b"", length)
+    length = asked(address)[0].headers["Content-Length"]
+    response, body = asked(address, method="HEAD")
+    assert (response.status, body, response.headers["Content-Length"]) == (200, "", length)
     for method in ("POST", "DELETE", "PUT", "OPTIONS", "TRACE"):
         for path in ("/", "/lrf3d/world", SOCKET):
-            response, body = asked(address, method, path)
+            response, body = asked(address, path, method)
             assert (response.status, response.headers["Allow"]) == (405, "GET, HEAD")
 
 
@@ -168,7 +164,7 @@ def test_too_long_a_message_ends_its_page_alone(address):
         opened.send("1" * 20_000)
         while True:
             opened.recv(PATIENCE)
-    assert get(address)[0] == 200
+    assert status(address) == 200
 
 
 @pytest.mark.parametrize("host", ["", "a" * 300, "a\0b", "nowhere.invalid", "192.0.2.1"])

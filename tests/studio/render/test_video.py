@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 
 import av
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from test_render import city_run, needs_gl, room_run
+from waiting import until
 
 from lrf3d.base.errors import InputError
 from lrf3d.studio.render import film, video
@@ -105,10 +105,7 @@ def test_workers_end_when_their_caller_is_killed(tmp_path):
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as caller:
         caller.stdout.readline()
         caller.send_signal(signal.SIGKILL)
-    limit = time.monotonic() + 20.0
-    while os.listdir(tmp_path) and time.monotonic() < limit:
-        time.sleep(0.02)
-    assert os.listdir(tmp_path) == []
+    until(lambda: not os.listdir(tmp_path))
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ import numpy as np
 from lrf3d.base.balance import Balance
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.text import counted
-from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int, Records, wrap_angle
+from lrf3d.geometry.lines import LARGEST_COORDINATE, ROUNDING, Bool, Float, Int, Records, wrap_angle
 from lrf3d.laser import LaserScan
 from lrf3d.messages.clouds import OPTICAL_AXES, POINT_FIELDS
 from lrf3d.recordings.formats.units import NANO, TIMES
@@ -328,4 +328,4 @@ def level_axes(frame: str, mount: Float | None) -> tuple[Float, bool]:
     yaw = np.arctan2(mount[1, 0], mount[0, 0])
     cos, sin = np.cos(yaw), np.sin(yaw)
     axes = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ mount[:3, :3]
-    return axes, bool(np.abs(axes - np.eye(3)).max() < 1e-9)
+    return axes, bool(np.abs(axes - np.eye(3)).max() < ROUNDING)

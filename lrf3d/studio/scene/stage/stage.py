@@ -31,7 +31,7 @@ FURNITURE = 6.0
 _WINDOWS_FROM = 3.5
 
 # Inverse of the golden ratio: the fractions of its consecutive multiples are far apart.
-_GOLDEN = 0.6180339887
+_GOLDEN = (5**0.5 - 1) / 2
 
 # Upper bound of the fraction that differs between objects.
 _OWN = 0.9
