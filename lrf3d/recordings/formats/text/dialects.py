@@ -101,6 +101,11 @@ def _labelled(text: str) -> list[Words]:
     return [words + [each for found in LISTED.finditer(bare) for each in _parts(found[2])]]
 
 
+def _are_labelled(lines: Sequence[str]) -> bool:
+    labelled = sum(len(LABELS.findall(UNITS.sub("", text))) > 1 for text in lines)
+    return 2 * labelled > len(lines)
+
+
 def _labels(text: str) -> Words:
     bare = UNITS.sub(r"_\1", text)
     names = [name for name, _ in LABELS.findall(bare)]
@@ -176,7 +181,7 @@ DIALECTS = [
     Dialect(
         "labels",
         "Each number has its name before it: `theta: 1.5 Dist: 800`, `time=0.1 ranges=[…]`.",
-        lambda lines: 2 * sum(len(_labels(text)) > 1 for text in lines) > len(lines),
+        _are_labelled,
         _labelled, _labels,
     ),
     Dialect(
