@@ -96,9 +96,9 @@ def meaning(name: str) -> tuple[str, str]:
     words = [word for word in re.split(r"[\W\d_]+", name) if word]
     if FOREIGN.intersection(words):
         return "", ""
-    units = [word for word in words if word in UNITS]
+    *_, unit = "", *(word for word in words if word in UNITS)
     role = _role_of([word for word in words if word not in UNITS or len(words) == 1])
-    return role, units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
+    return role, unit if unit in ROLES.get(role, {}) else ""
 
 
 def _role_of(words: Sequence[str]) -> str:
