@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.base.cores import share
 from lrf3d.base.errors import InputError, expect, shown
+from lrf3d.casting.crowd import records
 from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
 from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
@@ -169,12 +170,10 @@ class PlanarCaster:
         ways = as_rows(directions, "directions", 2)
         if len(starts) != len(ways):
             raise InputError(f"{len(starts)} origins, {len(ways)} directions: expected as many")
-        rays = np.empty(len(ways), RAY)
-        for name, column in zip(("x", "y", "dx", "dy"), (*starts.T, *ways.T), strict=True):
-            rays[name] = np.where(np.abs(column) < TINY, 0.0, column)
-        if (short := (rays["dx"] == 0.0) & (rays["dy"] == 0.0)).any():
+        tiny = np.abs(ways) < TINY
+        if (short := tiny[:, 0] & tiny[:, 1]).any():
             raise InputError(f"direction {int(np.argmax(short))}: it has no length")
-        return self.trace(lrf or UNLIMITED, rays)
+        return self.trace(lrf or UNLIMITED, records(RAY, *starts.T, *ways.T, 0.0))
 
     def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
         """Ranges and walls (n,) of rays (n,) to their first walls, within the laser's limits."""

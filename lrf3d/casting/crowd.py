@@ -157,12 +157,12 @@ def move_of(time: float, pose: Sequence[float], twist: Twist) -> Records:
 def moves_of(times: Float | float, poses: Float, twists: Float | None = None) -> Records:
     """Moves (k,) that hold twists (k, 3) from poses (k, 3) at times [s] on, or legs of a path."""
     held = np.zeros((len(poses), 3)) if twists is None else twists
-    return records(LEG, np.broadcast_to(times, len(poses)), *poses.T, *held.T)
+    return records(LEG, times, *poses.T, *held.T)
 
 
-def records(kind: "np.dtype[np.void]", *columns: Float) -> Records:
-    """Records of one kind from their columns (n,)."""
-    rows = np.empty(len(columns[0]), kind)
+def records(kind: "np.dtype[np.void]", *columns: Float | float) -> Records:
+    """Records of one kind from their columns, or from what all have in common."""
+    rows = np.empty(np.broadcast(*columns).shape, kind)
     for name, column in zip(kind.names or (), columns, strict=True):
         rows[name] = column
     return rows

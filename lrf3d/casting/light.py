@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.casting.crowd import records
 from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.echoes import (
     FIRST,
@@ -102,10 +103,8 @@ class Lighting:
     ) -> Lit:
         """The light of layers of beams (layers, beams, 3) in 3D; the tree is over all walls."""
         lit = self.empty(lrf, len(beams), chains=True)
-        rays = np.zeros(beams.shape[:2], RAY)
-        rays["x"], rays["y"], z = origin
-        rays["dx"] = beams[..., 0]
-        rays["dy"] = beams[..., 1]
+        x, y, z = origin
+        rays = records(RAY, x, y, beams[..., 0], beams[..., 1], 0.0)
         rise = np.column_stack([np.full(rays.size, z), beams[..., 2].ravel()])
         self._light(lrf, tree, rays, rise, lit, (NOBODY, -1))
         return lit

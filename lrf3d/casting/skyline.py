@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lrf3d.casting.crowd import Crowd
+from lrf3d.casting.crowd import Crowd, records
 from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.fleets import cast_fans
 from lrf3d.casting.kernels.layers import read_layers
@@ -375,15 +375,9 @@ def _sorted_beams(lidar: Lidar) -> tuple[Layered, Int, Plain]:
 
 def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float = 0.0) -> Records:
     """Rays (n,) in the plane along beams (n, 2 or 3), from one pose or from one for each ray."""
-    rays = np.zeros(len(beams), RAY)
-    rays["x"] = pose[0]
-    rays["y"] = pose[1]
     flat = np.where(np.abs(beams[:, :2]) < TINY, 0.0, beams[:, :2])
-    upright = (np.abs(flat) < UPRIGHT).all(axis=1)
-    rays["dx"] = np.where(upright, UPRIGHT, flat[:, 0])
-    rays["dy"] = flat[:, 1]
-    rays["time"] = times
-    return rays
+    flat[(np.abs(flat) < UPRIGHT).all(axis=1), 0] = UPRIGHT
+    return records(RAY, pose[0], pose[1], *flat.T, times)
 
 
 def _columns(

@@ -28,6 +28,10 @@ USUAL_SIDE = 7.0
 # Least and largest extent of most buildings [m].
 USUAL_EXTENT = (10.0, 200.0)
 
+# Number of doors, each a leaf and its arc, that only another scale finds, from which it is offered
+# although the size is usual: gates of other widths are few.
+CLEAR = 3
+
 # Units of drawings [m]; no building is drawn in kilometres.
 UNITS = {"metres": 1.0, **{name: size for size, name in LENGTHS.items() if size < 1.0}}
 
@@ -88,13 +92,17 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> tuple[tuple[Note, ...], dict
     weights = np.repeat(long, 2)
     size = np.array([_quantile(x, weights, 0.98) - _quantile(x, weights, 0.02) for x in points.T])
     extent = float(size.max())
-    if extent >= SHEET and usual <= LONGEST:
+    usual_size = extent >= SHEET and usual <= LONGEST
+    if usual_size and strokes.doors:
         return (), {}
     large = [each for each in canvas.scales if EXTENT[0] <= each * extent <= EXTENT[1]]
     # A hall may have longer walls than any other plan.
     fits = [each for each in large if each * usual <= LONGEST] or large
     doors = [_doors(strokes, factor) for factor in fits]
     most = max(doors, default=0)
+    # A plan in feet may have a usual size in metres, but no doors.
+    if usual_size and most < CLEAR:
+        return (), {}
     chosen = [each for each, count in zip(fits, doors, strict=True) if count == most]
     # Without doors, go by the walls; the second also by the extent: furniture is of short lines.
     side = float(np.sqrt(usual * extent))

@@ -10,6 +10,7 @@ vertices are relative to the world's origin, which is the translation of each pa
 """
 
 import json
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -184,6 +185,12 @@ def _parts(path: Path, balance: Balance) -> list[tuple[Part, Float]]:
 
     if path.suffix.lower() == ".gltf":
         _check_buffers(path)
+    if path.suffix.lower() == ".obj":
+        # trimesh counts back from the last vertex of all, and not from the face.
+        text = path.read_bytes()
+        face = re.search(rb"^f\s+-\d", text, re.MULTILINE)
+        if face and b"\nv " in text[face.end() :]:
+            raise WorldError("its faces count vertices backwards; save it again, as by Blender")
     y_up = path.suffix.lower() in (".glb", ".gltf")
     # Only materials of .obj files would read more files than this one.
     options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}

@@ -30,9 +30,6 @@ from lrf3d.world.pieces import Part, world_of_parts
 # Models that may be included within each other.
 DEEPEST = 16
 
-# Shapes of a world: the largest worlds of others have some thousand.
-MOST_SHAPES = 100_000
-
 # Sides of cylinders and spheres: with 48 a circle of 1 m is 2 mm off.
 SIDES = 48
 
@@ -59,6 +56,9 @@ SOLIDS: dict[str, tuple[dict[str, int], Callable[..., Any]]] = {
 
 # Models of Gazebo that have no walls.
 WITHOUT_WALLS = ("sun", "ground plane")
+
+# Elements that other poses may be relative to.
+FRAMES = ("frame", "include", "joint", "link", "model")
 
 # Folders above a file in which models are searched.
 FOLDERS_ABOVE = 3
@@ -110,7 +110,7 @@ class _SdfWalls:
         if depth > DEEPEST:
             raise WorldError(f"{file.name}: models within each other more than {DEEPEST} times")
         for model in scope.findall("model"):
-            self._add_model(model, pose @ _pose(model, scope), file, depth)
+            self._add_model(model, pose @ _pose(_moved(model, scope), scope), file, depth)
         for include in scope.findall("include"):
             uri = include.findtext("uri", "").strip()
             found = self._find(uri, file)
@@ -135,15 +135,16 @@ class _SdfWalls:
         name = model.get("name", "")
         shapes = [shape for link in model.findall("link") for shape in _shapes(link)]
         self.balance.all += len(shapes)
-        if self.balance.all > MOST_SHAPES:
-            raise WorldError(f"over {MOST_SHAPES:,} shapes; cut out a part")
         if model.find("link/sensor") is not None:
             self.balance.leave(f"shape of robots: {one_line(name, 60)}", len(shapes))
             return
         for link in model.findall("link"):
             own = pose @ _pose(link, model)
             for shape in _shapes(link):
-                self._add_shape(shape, own @ _pose(shape, link), name, file)
+                # Names of frames are those of the model.
+                named = shape.find("pose[@relative_to!='']") is not None
+                place = pose @ _pose(shape, model) if named else own @ _pose(shape, link)
+                self._add_shape(shape, place, name, file)
         self.add_models(model, pose, file, depth + 1)
 
     def _add_shape(self, shape: Element, pose: Float, name: str, file: Path) -> None:
@@ -202,7 +203,9 @@ class _SdfWalls:
             return trimesh.Trimesh(sides.reshape(-1, 3), faces)
         if kind.tag == "plane":
             return "ground plane"
-        return self._loaded(kind, file) if kind.tag == "mesh" else None
+        # A part of a mesh is not read: it may stand elsewhere than the whole.
+        whole = kind.tag == "mesh" and kind.find("submesh") is None
+        return self._loaded(kind, file) if whole else None
 
     def _loaded(self, kind: Element, file: Path) -> Any:
         """The mesh of a file, or why it is left out."""
@@ -242,7 +245,10 @@ def _name(uri: str) -> str:
     scheme, colon, rest = uri.partition("://")
     if not colon:
         return uri
-    return rest.rstrip("/").rpartition("/models/")[2] if scheme.startswith("http") else rest
+    if not scheme.startswith("http"):
+        return rest
+    # The last number is the version of a model.
+    return re.sub(r"/\d+$", "", rest.rstrip("/").rpartition("/models/")[2])
 
 
 def _file_of_model(place: Path) -> Path | None:
@@ -261,17 +267,34 @@ def _shapes(link: Element) -> list[Element]:
     return link.findall("collision") or link.findall("visual")
 
 
+def _moved(model: Element, scope: Element) -> Element:
+    """A model, or the state that says where it was moved to, as Gazebo Classic saves it."""
+    states = scope.iterfind("state/model[pose]")
+    return next((each for each in states if each.get("name") == model.get("name")), model)
+
+
 def _pose(element: Element, scope: Element, depth: int = 0) -> Float:
-    """The pose (4, 4) of an element in the one that holds it."""
+    """The pose (4, 4) of an element in the model or the world that holds it."""
     given = element.find("pose")
-    if given is None:
-        return np.eye(4)
-    base = np.eye(4)
-    other = given.get("relative_to", "")
-    for each in scope if other and depth < DEEPEST else ():
-        if each.get("name") == other and each.tag in ("link", "frame", "model"):
-            base = _pose(each, scope, depth + 1)
-    return np.asarray(base @ _given_pose(given))
+    pose = np.eye(4) if given is None else _given_pose(given)
+    relative_to = "" if given is None else given.get("relative_to", "")
+    # Without a name, a frame is relative to what it is attached to, and a joint to its child.
+    base = relative_to or element.get("attached_to", "") or element.findtext("child", "")
+    pose = _frame(base.strip(), scope, depth) @ pose
+    # The pose of a model may be that of one of its frames.
+    if placed := element.get("placement_frame", ""):
+        pose = pose @ np.linalg.inv(_frame(placed, element, depth))
+    return np.asarray(pose)
+
+
+def _frame(name: str, scope: Element, depth: int) -> Float:
+    """The pose (4, 4) of a named frame, as ``link`` or ``model::link``, in what holds it."""
+    first, _, rest = name.partition("::")
+    for each in scope if first and depth < DEEPEST else ():
+        if each.tag in FRAMES and first in (each.get("name"), each.findtext("name")):
+            return np.asarray(_pose(each, scope, depth + 1) @ _frame(rest, each, depth + 1))
+    # No name, __model__ and world mean what holds it.
+    return np.eye(4)
 
 
 def _given_pose(given: Element) -> Float:

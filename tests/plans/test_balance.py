@@ -201,17 +201,22 @@ def test_layers_are_advised_where_they_draw_walls(tmp_path):
         dxf(tmp_path, draw)
 
 
-@pytest.mark.parametrize(("unit", "scale"), [(0.01, "0.01"), (0.0254, "0.0254"), (1.0, "")])
+@pytest.mark.parametrize(
+    ("unit", "scale"), [(0.01, "0.01"), (0.0254, "0.0254"), (0.3048, "0.3048"), (1.0, "")]
+)
 def test_the_unit_of_a_drawing_without_one_is_found_by_its_doors(unit, scale, tmp_path):
     def draw(space):
         space.add_lwpolyline(np.array([(0, 0), (12, 0), (12, 8), (0, 8), (0, 0)]) / unit)
-        space.add_line((5 / unit, 0), (5 / unit, 3 / unit))
-        space.add_line((5 / unit, 3 / unit), (5.9 / unit, 3 / unit))
-        space.add_arc((5 / unit, 3 / unit), 0.9 / unit, 0, 90)
+        for x in (3, 6, 9):
+            space.add_line((x / unit, 0), (x / unit, 3 / unit))
+            space.add_line((x / unit, 3 / unit), ((x + 0.9) / unit, 3 / unit))
+            space.add_arc((x / unit, 3 / unit), 0.9 / unit, 0, 90)
 
     dxf(tmp_path, draw, 0)
     doubt = " ".join(map(str, read_plan(tmp_path / "a.dxf").doubts))
-    assert (f"--scale {scale} " in doubt and "12 m by 8 m, 1 door" in doubt) if scale else not doubt
+    assert (
+        (f"--scale {scale} " in doubt and "12 m by 8 m, 3 doors" in doubt) if scale else not doubt
+    )
 
 
 def row_of_rooms(count, open_):

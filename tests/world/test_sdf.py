@@ -10,6 +10,11 @@ from lrf3d.base.errors import InputError, Lrf3dNote
 
 BOX = "<box><size>4 2 {}</size></box>"
 
+POSE = "<pose relative_to='{}'>{} {} 0 0 0 0</pose>"
+
+# A model whose link is at (1, 1).
+OTHER = f"<model name='o'>{POSE.format('', 1, 1)}<link name='l'/></model>"
+
 
 def shape(geometry, pose="", kind="collision"):
     return f"<{kind} name='s'>{pose}<geometry>{geometry}</geometry></{kind}>"
@@ -17,6 +22,9 @@ def shape(geometry, pose="", kind="collision"):
 
 def model(*shapes, pose="", name="m", more=""):
     return f"<model name='{name}'>{pose}<link name='l'>{''.join(shapes)}{more}</link></model>"
+
+
+BOX_SHAPE = shape(BOX.format(2))
 
 
 def world_of(path, *models):
@@ -89,6 +97,28 @@ def test_what_is_no_xml_but_read_by_gazebo_is_read(tmp_path):
     with pytest.warns(Lrf3dNote, match=r"1 unreadable model \(broken.sdf\)"):
         world = world_of(tmp_path, *(f"<include><uri>{name}</uri></include>" for name in names))
     assert len(world.segments) == 4
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        model(BOX_SHAPE, pose=POSE.format("f", 3, 2))
+        + f"<frame name='f'>{POSE.format('', 1, 1)}</frame>",
+        model(BOX_SHAPE, pose=POSE.format("f", 3, 2)) + "<frame name='f' attached_to='o'/>" + OTHER,
+        model(BOX_SHAPE, pose=POSE.format("o::l", 3, 2)) + OTHER,
+        # Gazebo Classic saves where it was moved to.
+        model(BOX_SHAPE) + f"<state><model name='m'>{POSE.format('', 4, 3)}</model></state>",
+        model(
+            shape(BOX.format(2), POSE.format("__model__", 4, 3)), more="<pose>7 0 0 0 0 0</pose>"
+        ),
+        model(
+            BOX_SHAPE,
+            pose=f"{POSE.format('', 5, 3)}<frame name='a'>{POSE.format('', 1, 0)}</frame>",
+        ).replace("'m'", "'m' placement_frame='a'"),
+    ],
+)
+def test_poses_are_relative_to_the_frames_that_they_name(text, tmp_path):
+    assert outline(world_of(tmp_path, text)).bounds == pytest.approx((2, 2, 6, 4))
 
 
 def test_a_polyline_is_the_walls_between_its_points(tmp_path):

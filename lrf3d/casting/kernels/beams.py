@@ -30,17 +30,16 @@ from lrf3d.casting.kernels.tree import (
     ROOM,
     SMALL,
     Plain,
-    Stack,
     Tree,
-    Way,
     column_at,
     enter,
     new_stack,
     next_leaf,
+    way_of,
     whole,
 )
 from lrf3d.compiling import borrower, compiled, inner, record
-from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.lines import TINY, Float, Int, Records
 
 # A beam with its own origin [m], direction, and time [s].
 RAY = record(**dict.fromkeys(("x", "y", "dx", "dy", "time"), float))
@@ -82,7 +81,7 @@ class Block(NamedTuple):
     walls: Float  # (4, BLOCK) columns of those walls.
     lengths: Float  # t, not a number where float64 falls short.
     sifted: Float  # (2 SIFTED,) bounds of the walls of a leaf.
-    stack: Stack
+    stack: Records
 
 
 # Stands for guesses where nothing guesses.
@@ -156,15 +155,9 @@ def cast_block(
 @borrower
 def _follow(tree: Tree, block: Block, count: int, reach: float) -> None:
     """Find the rows of the walls that rays meet, and their lengths, where float64 shows them."""
-    before = -1
-    row = -1
     for k in range(count):
-        # Without a guess the wall of the two beams before is often the one.
-        guess = row if block.rows[k] < 0 and row == before else block.rows[k]
-        before = row
-        row = block.rows[k] = clear_wall(
-            tree, Beam(*column_at(block.beams, k)), guess, reach, block
-        )
+        beam = Beam(*column_at(block.beams, k))
+        row = block.rows[k] = clear_wall(tree, beam, block.rows[k], reach, block)
         for axis in range(4 if row >= 0 else 0):
             block.walls[axis, k] = tree.columns[axis, row]
     for k in range(whole(count)):
@@ -174,15 +167,21 @@ def _follow(tree: Tree, block: Block, count: int, reach: float) -> None:
 
 @borrower
 def beam_of(rays: Records, i: int) -> Beam:
-    """The beam of a ray."""
+    """The beam of a ray, in which what counts as 0 is 0."""
     ray = rays[i]
-    return Beam(ray.x, ray.y, ray.dx, ray.dy)
+    return Beam(counted(ray.x), counted(ray.y), counted(ray.dx), counted(ray.dy))
+
+
+@borrower
+def counted(value: float) -> float:
+    """A number, or 0 if it counts as 0."""
+    return value if abs(value) >= TINY else 0.0
 
 
 @borrower
 def clear_wall(tree: Tree, beam: Beam, guess: int, reach: float, block: Block) -> int:
     """The row of the wall that a beam meets first up to a reach, or −1; or UNDECIDED."""
-    way = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
+    way = way_of(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
     nearest = Nearest(-1, np.inf, reach)
     if guess >= 0:
         low, high = bounds(wall_at(tree.walls, guess), beam)
@@ -253,9 +252,9 @@ def bounds(wall: Wall, beam: Beam) -> tuple[float, float]:
 
 
 @inner
-def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Stack) -> int:
+def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Records) -> int:
     """The row of the wall that a beam meets first, or −1, decided exactly."""
-    way = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
+    way = way_of(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
     top = enter(tree, stack)
     while top > 0:
         start, stop, top = next_leaf(tree, way, nearest.high, stack, top)

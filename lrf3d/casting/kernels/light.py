@@ -26,7 +26,7 @@ from lrf3d.casting.kernels.echoes import (
 )
 from lrf3d.casting.kernels.movers import Movers, anywhere, place, side_at
 from lrf3d.casting.kernels.predicates import Vector, Wall, wall_at
-from lrf3d.casting.kernels.tree import ROOM, Plain, Stack, Tree, Way, enter, new_stack, next_leaf
+from lrf3d.casting.kernels.tree import ROOM, Plain, Tree, enter, new_stack, next_leaf, way_of
 from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry.lines import Float, Int, Records
 
@@ -87,7 +87,7 @@ class Room(NamedTuple):
 
     rays: Records
     chains: Int  # The walls of each.
-    stack: Stack
+    stack: Records
 
 
 @compiled
@@ -235,13 +235,13 @@ def _wall_of(scene: Surroundings, name: int) -> Wall:
 
 @borrower
 def _next_wall(
-    scene: Surroundings, start: Vector, ray: Any, chain: Int, stack: Stack
+    scene: Surroundings, start: Vector, ray: Any, chain: Int, stack: Records
 ) -> tuple[float, int]:
     """How far away a ray meets its next wall [m], and the wall; infinity and −1 for none."""
     tree = scene.tree
     heights = scene.optics.heights
     movers = scene.among.movers
-    way = Way(start[0], start[1], ray.x, ray.y, ray.dx, ray.dy)
+    way = way_of(start[0], start[1], ray.x, ray.y, ray.dx, ray.dy)
     near_by = NEAR + NEAR_SHARE * (abs(ray.x) + abs(ray.y))
     best = np.inf
     hit = -1

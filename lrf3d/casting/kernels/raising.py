@@ -66,10 +66,10 @@ from lrf3d.casting.kernels.tree import (
     ROOM,
     Plain,
     Tree,
-    Way,
     enter,
     new_stack,
     next_leaf,
+    way_of,
 )
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry.lines import Float, Int, Records
@@ -282,7 +282,7 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
     fits = True
     for i in range(len(rays)):
         beam = beam_of(rays, i)
-        way = Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
+        way = way_of(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
         own = _own_eye(sight, slopes, i)
         limit = _farthest(own, walls.highest) * ROOM
         top = enter(tree, stack)

@@ -9,9 +9,9 @@ that pass edges by more than about 1e-15 rad.
 
 import numpy as np
 
-from lrf3d.casting.kernels.tree import ROOM, Plain, Stack, Tree, Way, enter, new_stack, next_leaf
+from lrf3d.casting.kernels.tree import ROOM, Plain, Tree, enter, new_stack, next_leaf, way_of
 from lrf3d.compiling import borrower, compiled
-from lrf3d.geometry.lines import Float, Int
+from lrf3d.geometry.lines import Float, Int, Records
 
 Vector = tuple[float, float, float]
 
@@ -36,14 +36,14 @@ def cast_solid(
 
 @borrower
 def _first_met(
-    tree: Tree, corners: Float, origin: Float, turn: Vector, reach: float, stack: Stack
+    tree: Tree, corners: Float, origin: Float, turn: Vector, reach: float, stack: Records
 ) -> tuple[float, int]:
     """The distance and the triangle that a ray meets first; infinity and −1 for none.
 
     Nothing needs to be found beyond reach [m].
     """
     dx, dy, dz = turn
-    way = Way(origin[0], origin[1], 0.0, 0.0, dx, dy)
+    way = way_of(origin[0], origin[1], 0.0, 0.0, dx, dy)
     best = np.inf
     hit = -1
     limit = reach * ROOM

@@ -36,6 +36,12 @@ STACK = 256
 # Room for rounding and for directions that are not quite of unit length.
 ROOM = 1.0 + 1e-9
 
+# Which boxes are met, as bits: the first one, and for any of them the place of the lowest.
+ONE = index_of(1)
+LOWEST = np.array(
+    [0, *((met & -met).bit_length() - 1 for met in range(1, 1 << CHILDREN))], np.uint8
+)
+
 # A box that waits on a ray's path, and how far away it is at least [m]; the nearest is on top.
 BOX = record(node=int, near=float)
 
@@ -56,13 +62,6 @@ class Tree(NamedTuple):
     rows: NDArray[np.int32]
 
 
-class Stack(NamedTuple):
-    """The boxes that wait on a ray's path, and room for the distances of boxes [m]."""
-
-    waiting: Records
-    near: Float
-
-
 # A node that waits to be cut: which walls it has, and how far below the root it is.
 PART = record(**dict.fromkeys(("node", "start", "stop", "level"), int))
 
@@ -80,14 +79,26 @@ class Way(NamedTuple):
     oy: float
     x: float
     y: float
-    dx: float
-    dy: float
+    across: float  # One over the direction along x,
+    along: float  # and along y.
+    left: np.uint64  # The columns of the sides at which it enters boxes along x,
+    low: np.uint64  # and along y.
+
+
+@borrower
+def way_of(ox: float, oy: float, x: float, y: float, dx: float, dy: float) -> Way:
+    """The path of a ray: see `Way`."""
+    across = 1.0 / dx
+    along = 1.0 / dy
+    left = index_of(0 if across > 0.0 else 2)
+    low = index_of(1 if along > 0.0 else 3)
+    return Way(ox, oy, x, y, across, along, left, low)
 
 
 @inner
-def new_stack() -> Stack:
-    """A stack without boxes."""
-    return Stack(np.empty(STACK, BOX), np.empty(CHILDREN))
+def new_stack() -> Records:
+    """Room for the boxes that wait on a ray's path."""
+    return np.empty(STACK, BOX)
 
 
 @inner
@@ -108,65 +119,79 @@ def column_at(columns: Float, row: SupportsIndex) -> Wall:
 
 
 @borrower
-def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tuple[int, int, int]:
+def next_leaf(
+    tree: Tree, way: Way, limit: float, waiting: Records, top: int
+) -> tuple[int, int, int]:
     """The next leaf on a path up to a limit [m]: its first row and its end, which are 0 after all.
 
     The last number is that of the boxes that still wait, of which the root is the first.
     """
     boxes = tree.boxes
-    waiting, nears = stack
-    ox, oy, x, y, dx, dy = way
-    across = 1.0 / dx
-    along = 1.0 / dy
-    # Columns of the sides where a ray enters a box, and where it leaves it.
-    left = index_of(0 if across > 0.0 else 2)
-    low = index_of(1 if along > 0.0 else 3)
-    right = index_of(2) - left
-    high = index_of(4) - low
     while top > 0:
         top -= 1
-        if waiting[top].near > limit * ROOM:
-            continue
-        first = tree.links[waiting[top].node, 0]
-        count = tree.links[waiting[top].node, 1]
-        if count > 0:
-            return first, first + count, top
-        for k in range(whole(-count)):
-            child = index_of(first) + k
-            near = 0.0
-            far = limit
-            # Along an axis 0 times infinity is no number, and no bound.
-            bound = ((boxes[left, child] - ox) - x) * across
-            near = bound if bound > near else near
-            bound = ((boxes[low, child] - oy) - y) * along
-            near = bound if bound > near else near
-            bound = ((boxes[right, child] - ox) - x) * across
-            far = bound if bound < far else far
-            bound = ((boxes[high, child] - oy) - y) * along
-            far = bound if bound < far else far
-            nears[k] = near if near <= far * ROOM else np.inf
-        bottom = nearest = top
-        least = np.inf
-        for k in range(-count):
-            # Without a branch: a child that is missed is written over by the next one.
-            near = nears[k]
-            waiting[top].node = first + k
-            waiting[top].near = near
-            nearest = top if near < least else nearest
-            least = min(near, least)
-            top += near < np.inf
-        if top > bottom:
-            node = waiting[nearest].node
-            waiting[nearest] = waiting[top - 1]
-            waiting[top - 1].node = node
-            waiting[top - 1].near = least
+        node = index_of(waiting[top].node)
+        near = waiting[top].near
+        while near <= limit * ROOM:
+            first = tree.links[node, 0]
+            count = tree.links[node, 1]
+            if count > 0:
+                return first, first + count, top
+            met = _met(boxes, index_of(first), -count, way, limit)
+            if met == 0:
+                break
+            # The nearest goes on, and the others wait.
+            node = index_of(first) + LOWEST[met]
+            near = _entry(boxes, node, way)
+            met &= met - ONE
+            while met != 0:
+                child = index_of(first) + LOWEST[met]
+                entered = _entry(boxes, child, way)
+                waiting[top].node = child if entered >= near else node
+                waiting[top].near = max(entered, near)
+                node = node if entered >= near else child
+                near = min(entered, near)
+                top += 1
+                met &= met - ONE
     return 0, 0, 0
 
 
+@borrower
+def _met(boxes: Float, first: Any, count: int, way: Way, limit: float) -> Any:
+    """Which boxes a ray meets up to a limit, as bits, of some from the first on.
+
+    The loop writes nothing: else LLVM would ask each time whether arrays overlap.
+    """
+    met = index_of(0)
+    for k in range(whole(count)):
+        child = first + k
+        near = _entry(boxes, child, way)
+        met |= ONE << k if near <= _exit(boxes, child, way, limit) * ROOM else index_of(0)
+    return met & ((ONE << index_of(count)) - ONE)
+
+
+@borrower
+def _entry(boxes: Float, child: SupportsIndex, way: Way) -> float:
+    """How far away a ray enters a box; 0 from inside."""
+    # Along an axis 0 times infinity is no number, and no bound.
+    bound = ((boxes[way.left, child] - way.ox) - way.x) * way.across
+    near = bound if bound > 0.0 else 0.0
+    bound = ((boxes[way.low, child] - way.oy) - way.y) * way.along
+    return bound if bound > near else near
+
+
+@borrower
+def _exit(boxes: Float, child: SupportsIndex, way: Way, limit: float) -> float:
+    """How far away a ray leaves a box, at most a limit."""
+    bound = ((boxes[index_of(2) - way.left, child] - way.ox) - way.x) * way.across
+    far = bound if bound < limit else limit
+    bound = ((boxes[index_of(4) - way.low, child] - way.oy) - way.y) * way.along
+    return bound if bound < far else far
+
+
 @inner
-def enter(tree: Tree, stack: Stack) -> int:
+def enter(tree: Tree, waiting: Records) -> int:
     """Let the root of a tree wait, if it has walls; the number of boxes that do."""
-    root = stack.waiting[0]
+    root = waiting[0]
     root.node = 0
     root.near = 0.0
     return 1 if len(tree.rows) > 0 else 0

@@ -99,6 +99,8 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
     Consecutive segments of the same line (n,) are joined. Only free segments can belong to a door.
     """
     arcs = [arc for arc in _arcs(segments, line) if free[arc[0]].all()][:MOST_DOORS]
+    if not arcs:
+        return [], np.zeros(len(segments), dtype=bool)
     straight = np.setdiff1d(np.flatnonzero(free), [n for run, *_ in arcs for n in run])
     opened = np.zeros(len(segments), dtype=bool)
     ends = segments[straight].reshape(-1, 2)
