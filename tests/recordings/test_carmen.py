@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic_run import around, box, make_run, make_world
 
+from lrf3d import map_log
 from lrf3d.apps.export import export_run
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import wrap_angle
@@ -251,3 +252,7 @@ def test_lines_of_robots_of_carnegie_mellon_are_in_centimetres(tmp_path):
     assert log.odometry.poses.tolist() == [[1.0, 0.0, 0.5], [2.0, 1.0, 0.0]]
     # They do not say how wide their fan is.
     assert np.degrees(log.fans[-1]) == pytest.approx([-180.0, 178.0])
+    metres = " ".join(f"{number / 100:.2f}" for number in range(150, 330))
+    taken = load_log(write(tmp_path / "metres.log", lines[0], lines[1].replace(ranges, metres)))
+    with pytest.raises(InputError, match="19 of 20 ranges are under"):
+        map_log(taken)
