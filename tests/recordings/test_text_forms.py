@@ -56,6 +56,10 @@ FORMS = {
                                          *(f"r{k}/cm" for k in range(BEAMS))], degrees=True),
     "units in brackets": units(1e3, ["Time (s)", "X (mm)", "Y (mm)", "Heading (rad)",
                                      *(f"Distance {k} (mm)" for k in range(BEAMS))]),
+    "feet": units(1 / 0.3048, ["time", "x_ft", "y (feet)", "yaw",
+                               *(f"range_{k}_ft" for k in range(BEAMS))]),
+    "inches": units(1 / 0.0254, ["time", "x (inch)", "y_inches", "yaw",
+                                 *(f"range_inch_{k}" for k in range(BEAMS))]),
     "a corner that is no number beside bearings": joined(
         [["NaN", *range(-90, 90)], *([row[0], *row[4:]] for row in ROWS)]),
     "JSON with a name for each beam": "\n".join(

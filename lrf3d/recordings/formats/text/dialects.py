@@ -24,7 +24,7 @@ JOINTS = re.compile(r"[\])}]:?\s*[\[({]")
 QUOTED = re.compile(r'"(-?\d+),(\d+)"')
 
 # Units in brackets after names in headers.
-UNITS = re.compile(r"(?<=[\w\]])\s?[\[(](rad|deg|degrees|[mcun]?[ms])[\])]")
+UNITS = re.compile(r"(?<=[\w\]])\s?[\[(](rad|deg|degrees|[mcun]?[ms]|ft|feet|inch|inches)[\])]")
 
 # Matches a line of tuples; the first group is the first of them.
 NESTED = re.compile(r"\s*[\[(]\s*[\[(]([^\])]*)[\])]").match

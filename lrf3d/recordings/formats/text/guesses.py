@@ -21,7 +21,8 @@ from lrf3d.recordings.log import Intake
 
 # Matches one of a series of columns: its name, its number, and a unit.
 SERIES = re.compile(
-    r"(.*?)[\s\[(;._]*(?<!\d)(?<!\d\.)(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
+    r"(.*?)[\s\[(;._]*(?<!\d)(?<!\d\.)(-?\d+(?:\.\d+)?)[\s\])°]*"
+    r"(?:[_/ ]*(?:deg|(mm|cm|m|ft|feet|inch|inches)))?"
 ).fullmatch
 
 # Largest number of words before the number of ranges.
