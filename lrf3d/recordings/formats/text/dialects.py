@@ -38,6 +38,9 @@ LABELS = re.compile(r"(?<!\w)([A-Za-z_]\w*+)\s*+[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)
 # A list that has its name before it.
 LISTED = re.compile(r"([A-Za-z_]\w*+)\s*+[:=]\s*+[\[(]([^\])]*)")
 
+# Finds an empty list of intensities, as scans have that measure none.
+DARK = re.compile(r"\bintensities\s*+[:=]\s*+\[\s*+\]").search
+
 # Matches a sentence that ends with the names of the columns, which are the group.
 LEGEND = re.compile(r"(?i).*\b(?:format|legend|columns|fields)\s*:\s*(.*)").match
 
@@ -56,14 +59,14 @@ class Dialect:
         what: What its lines look like, in a sentence.
         recognises: Whether the lines of a sample, without comments, are written this way.
         split: The rows of words in a line.
-        names: The names that a line gives to its own words; None if lines give none.
+        names: The names that lines give to their own words; None if lines give none.
     """
 
     name: str
     what: str
     recognises: Callable[[Sequence[str]], bool]
     split: Callable[[str], list[Words]]
-    names: Callable[[str], Words] | None = None
+    names: Callable[[Sequence[str]], Words] | None = None
 
     def rows(self, text: str) -> list[Words]:
         """The rows in a line, or the names that a sentence ends with."""
@@ -94,9 +97,12 @@ def _labelled(text: str) -> list[Words]:
     return [words + [each for found in LISTED.finditer(text) for each in _parts(found[2])]]
 
 
-def _labels(text: str) -> Words:
-    names = [name for name, _ in LABELS.findall(text)]
-    return [name.lower() for name in names + [name for name, _ in LISTED.findall(text)]]
+def _labels(lines: Sequence[str]) -> Words:
+    """The names in the last line, but not that of intensities that are empty in all lines."""
+    text = lines[-1]
+    names = [name for name, _ in LABELS.findall(text)] + [name for name, _ in LISTED.findall(text)]
+    dark = all(DARK(line) for line in lines if "intensities" in line)
+    return [name.lower() for name in names if not (dark and name == "intensities")]
 
 
 def _tuples(text: str) -> list[Words]:

@@ -126,7 +126,7 @@ def form_of(path: Path) -> Form:
     numeric = [words for words in rows if mostly_numbers(words)]
     if not numeric:
         raise InputError(f"{path}: no lines of numbers; expected a scan a line")
-    header = dialect.names(body[-1]) if dialect.names else _header(rows, numeric)
+    header = dialect.names(body) if dialect.names else _header(rows, numeric)
     numeric = [words for words in numeric if named(words) != header]
     word = _first_word(numeric)
     least = 0 if word else _least_words(numeric)
