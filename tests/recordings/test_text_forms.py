@@ -97,6 +97,7 @@ FORMS = {
     "names before an empty list": "\n".join(
         f"time={row[0]} x={row[1]} y={row[2]} yaw={row[3]} ranges=[{','.join(row[4:])}]"
         " intensities=[]" for row in ROWS),
+    "a number of ranges among names": f"% time x y theta {BEAMS} ranges\n" + joined(ROWS, " "),
     "dicts that Python prints": "\n".join(
         str({"time": float(row[0]), "pose": (*map(float, row[1:4]),),
              "ranges": [*map(float, row[4:])]}) for row in ROWS),

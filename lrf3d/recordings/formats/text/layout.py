@@ -166,9 +166,17 @@ def _header(rows: Sequence[Words], numeric: Sequence[Words]) -> Words:
         return named(first)
     before = [r for r in rows[: rows.index(first)] if not all(map(is_number, filter(None, r)))]
     alike = [row for row in before if len(row) == len(first)]
-    heads = alike or [row for row in before[-1:] if len(row) >= min(len(first), 2)]
+    heads = alike or [
+        _without_count(row, len(first)) for row in before[-1:] if len(row) >= min(len(first), 2)
+    ]
     # A row of units has fewer different words than the row of names before it.
     return named(max(reversed(heads), key=lambda row: len({*row}))) if heads else []
+
+
+def _without_count(names: Words, columns: int) -> Words:
+    """Names without the number of ranges before the last one, as in "time x y 181 ranges"."""
+    count = str(columns - len(names) + 2)
+    return names[:-2] + names[-1:] if names[-2] == count else names
 
 
 def _first_word(numeric: Sequence[Words]) -> str:
