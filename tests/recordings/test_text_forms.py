@@ -98,6 +98,12 @@ FORMS = {
         f"time={row[0]} x={row[1]} y={row[2]} yaw={row[3]} ranges=[{','.join(row[4:])}]"
         " intensities=[]" for row in ROWS),
     "a number of ranges among names": f"% time x y theta {BEAMS} ranges\n" + joined(ROWS, " "),
+    "arrays as Python prints them": joined(
+        [["time", "x", "y", "theta", "ranges"],
+         *([*r[:4], f"\"array('f', [{', '.join(r[4:])}])\""] for r in ROWS)]),
+    "records after a byte order mark": "\ufeff" + "\n".join(
+        json.dumps({"t": float(r[0]), "pose": [*map(float, r[1:4])],
+                    "ranges": [*map(float, r[4:])]}) for r in ROWS),
     "dicts that Python prints": "\n".join(
         str({"time": float(row[0]), "pose": (*map(float, row[1:4]),),
              "ranges": [*map(float, row[4:])]}) for row in ROWS),

@@ -31,7 +31,9 @@ from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
 # Matches what JSON and printed messages of ROS begin with.
-DOCUMENTS = re.compile(rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):").match
+DOCUMENTS = re.compile(
+    rb"(?:\xef\xbb\xbf)?(?:\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):)"
+).match
 
 # Matches what a dict begins with that Python prints: its names are in single quotes, or numbers.
 PRINTED = re.compile(r"\s*\{['\d]").match
@@ -245,7 +247,7 @@ def record_table(intake: Intake, format: str | None) -> Table:
 
 def records(intake: Intake) -> dict[str, Float]:
     """The columns of a file of records; those that lack what the first one has are counted."""
-    text = b"".join(line for _, line in intake.lines()).decode("utf-8", "replace")
+    text = b"".join(line for _, line in intake.lines()).decode("utf-8-sig", "replace")
     parts, read = _parts(text)
     rows: list[dict[str, Float]] = []
     for number, part in enumerate(parts, 1):
