@@ -345,3 +345,9 @@ def test_what_looks_like_ranges_is_refused(tmp_path):
     pairs[:, 5, 1] = 50.5
     np.savez(tmp_path / "points.npz", scans=np.pad(pairs, ((0, 0), (0, 50), (0, 0))))
     assert np.median(load_log(tmp_path / "points.npz").scans[0].ranges) < 6.0
+
+
+def test_the_cosine_of_a_heading_is_no_heading(tmp_path):
+    path = tmp_path / "drive.csv"
+    path.write_text(joined([[*NAMES[:3], "cos_theta", *NAMES[4:]], *ROWS]))
+    assert not load_log(path).placed

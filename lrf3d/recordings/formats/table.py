@@ -134,6 +134,8 @@ def meaning(name: str) -> tuple[str, str]:
         return "", ""
     units = [word for word in words if word in UNITS]
     role = _role_of([word for word in words if word not in UNITS or len(words) == 1])
+    if role == "theta" and words[0] in ("cos", "sin"):
+        return "", ""
     return role, units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
 
 
