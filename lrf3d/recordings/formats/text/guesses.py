@@ -126,7 +126,7 @@ def formats_for(form: Form) -> list[str]:
         fits = [k for k in range(min(form.length, 2)) if swept(rows[:, k]) > LEAST_SWEEP]
         # Ranges have no sign, coordinates have.
         specs = [f"angles@{k + 1}, ranges@{2 - k}" for k in fits if not (rows[:, 1 - k] < 0).any()]
-    elif form.length > SHORT and form.is_steady:
+    elif form.length > SHORT and form.is_steady and not any(map(SERIES, form.header)):
         specs = [_wide_format(form, rows)]
     return [
         spec.replace("ranges", f"ranges{unit}") for spec in specs for unit in ("", ":mm") if spec
@@ -152,6 +152,7 @@ def _wide_format(form: Form, rows: Float) -> str:
     goes_on = ((ALIKE * before > sizes[-1]) & (before < ALIKE * sizes[-1])).any()
     # Of negative numbers there is one, that of beams without return.
     likely = len({*ranges[ranges < 0.0].tolist()}) <= 1 and not goes_on
+    likely = likely and not _counts_up(form, begin)
     stamp = "stamp@1, " if stamped else ""
     return f"{stamp}ranges{beams}@{begin + 1}" if likely else ""
 
