@@ -280,7 +280,7 @@ def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
     documents = re.split(r"(?m)^---[ \r]*$", text)
     if len(documents) > 1 or re.match(r"\s*\w+:", text):
         return documents, _yaml
-    lines = LINES.findall(text)
+    lines = LINES.findall(untyped(text))
     if "," not in lines[0]:
         # Numbers may be separated by semicolons as well.
         lines = [line.replace(";", ",") for line in lines]

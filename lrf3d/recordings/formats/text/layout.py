@@ -176,7 +176,7 @@ def _header(rows: Sequence[Words], numeric: Sequence[Words]) -> Words:
 def _without_count(names: Words, columns: int) -> Words:
     """Names without the number of ranges before the last one, as in "time x y 181 ranges"."""
     count = str(columns - len(names) + 2)
-    return names[:-2] + names[-1:] if names[-2] == count else names
+    return names[:-2] + names[-1:] if names[-2:-1] == [count] else names
 
 
 def _first_word(numeric: Sequence[Words]) -> str:
