@@ -336,6 +336,12 @@ def test_what_looks_like_ranges_is_refused(tmp_path):
     np.savez(tmp_path / "points.npz", scans=np.random.default_rng(0).uniform(-3, 3, (9, 40, 2)))
     with pytest.raises(InputError, match="without bearings"):
         load_log(tmp_path / "points.npz")
+    # These go from left to right, as bearings do.
+    across = np.tile(np.linspace(-4.0, 4.0, 40), (9, 1))
+    ahead = np.random.default_rng(0).uniform(-3, 3, (9, 40))
+    np.save(tmp_path / "points.npy", np.dstack([across, ahead]))
+    with pytest.raises(InputError, match="without bearings"):
+        load_log(tmp_path / "points.npy")
     # What only looks like either is read.
     rows = [[str(150 + k), *(f"{r:.3f}".replace(".", ",") for r in row)]
             for k, row in enumerate(RANGES)]  # fmt: skip
