@@ -357,3 +357,11 @@ def test_the_cosine_of_a_heading_is_no_heading(tmp_path):
     path = tmp_path / "drive.csv"
     path.write_text(joined([[*NAMES[:3], "cos_theta", *NAMES[4:]], *ROWS]))
     assert not load_log(path).placed
+
+
+def test_stamps_of_readings_are_no_messages(tmp_path):
+    path = tmp_path / "lidar.txt"
+    path.write_text("\n".join(
+        f"stamp:{17 + k}00000000000000000,angle:{b}.0000,distance(mm):{1000 * r:.0f},intensity:212"
+        for k, row in enumerate(RANGES) for b, r in enumerate(row)))  # fmt: skip
+    assert load_log(path).scans[3].ranges == pytest.approx(RANGES[3])

@@ -39,7 +39,7 @@ from lrf3d.recordings.log import Intake
 
 # Matches what JSON and printed messages of ROS begin with.
 DOCUMENTS = re.compile(
-    rb"(?:\xef\xbb\xbf)?(?:\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):)"
+    rb"(?:\xef\xbb\xbf)?(?:\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):(?!\d+,\w+:))"
 ).match
 
 # Matches what a dict begins with that Python prints: its names are in single quotes, or numbers.

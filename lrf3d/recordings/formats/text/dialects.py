@@ -93,13 +93,14 @@ def _parts(text: str) -> Words:
 
 
 def _labelled(text: str) -> list[Words]:
+    text = UNITS.sub(r"_\1", text)
     words = [number for _, number in LABELS.findall(text)] or [text]
     return [words + [each for found in LISTED.finditer(text) for each in _parts(found[2])]]
 
 
 def _labels(lines: Sequence[str]) -> Words:
     """The names in the last line, but not that of intensities that are empty in all lines."""
-    text = lines[-1]
+    text = UNITS.sub(r"_\1", lines[-1])
     names = [name for name, _ in LABELS.findall(text)] + [name for name, _ in LISTED.findall(text)]
     dark = all(DARK(line) for line in lines if "intensities" in line)
     return [name.lower() for name in names if not (dark and name == "intensities")]
