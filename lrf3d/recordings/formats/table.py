@@ -134,8 +134,6 @@ def meaning(name: str) -> tuple[str, str]:
         return "", ""
     units = [word for word in words if word in UNITS]
     role = _role_of([word for word in words if word not in UNITS or len(words) == 1])
-    if role == "theta" and words[0] in ("cos", "sin"):
-        return "", ""
     return role, units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
 
 
@@ -144,7 +142,8 @@ def _role_of(words: Sequence[str]) -> str:
     for word in reversed(words):
         word = "stamp" if word.endswith("timestamp") else word
         if role := ROLE_OF.get(word) or ROLE_OF.get(word.removesuffix("s")):
-            return role
+            is_part = role == "theta" and words[0] in ("cos", "sin")
+            return "" if is_part else role
     return ""
 
 

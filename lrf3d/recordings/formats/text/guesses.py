@@ -126,7 +126,7 @@ def formats_for(form: Form) -> list[str]:
         fits = [k for k in range(min(form.length, 2)) if swept(rows[:, k]) > LEAST_SWEEP]
         # Ranges have no sign, coordinates have.
         specs = [f"angles@{k + 1}, ranges@{2 - k}" for k in fits if not (rows[:, 1 - k] < 0).any()]
-    elif form.length > SHORT and form.is_steady and not any(map(SERIES, form.header)):
+    elif form.length > SHORT and form.is_steady:
         specs = [_wide_format(form, rows)]
     return [
         spec.replace("ranges", f"ranges{unit}") for spec in specs for unit in ("", ":mm") if spec
@@ -141,7 +141,7 @@ def _wide_format(form: Form, rows: Float) -> str:
     # A scan does not begin with a column of zeros.
     begins = range(int(stamped), min(end, FIRST_COLUMNS))
     usual = [k for k in begins if end - k in FANS and rows[:, k].any()]
-    if not usual:
+    if not usual or any(map(SERIES, form.header)):
         return ""
     begin = usual[0]
     ranges = rows[:, begin:end]
