@@ -22,7 +22,7 @@ _LINE = re.compile(r"((?:-\w )?--[\w-]+|\[?[A-Z|]+\]?(?:\.\.\.)?)(?: (\S+))??(?:
 ELSEWHERE = {
     **dict.fromkeys(("duration", "n", "seconds", "steps", "time"), "--scans"),
     **dict.fromkeys(("repeats", "runs", "trials"), "--seeds"),
-    **dict.fromkeys(("output", "results"), "--out"),
+    **dict.fromkeys(("dir out", "dir output", "outdir", "output", "results"), "--out"),
 }
 
 
@@ -84,9 +84,16 @@ def _refuse_unknown(unknown: Sequence[str], options: Sequence[Option], program: 
         for table in (*TABLES, *SENSORS):
             for key in keys_of_table(table):
                 words.setdefault(_plain(key), f"--set {table}.{key}=VALUE")
-    words |= {word: flag for word, flag in ELSEWHERE.items() if flag in words.values()}
+    for word, flag in ELSEWHERE.items():
+        if flag in known:
+            words.setdefault(word, flag)
     for flag in unknown:
-        near = get_close_matches(_plain(flag), words, n=1, cutoff=0.7)
+        # A key in another order, a part of what was meant, and letters in another order.
+        near = [_plain(flag)] * (_plain(flag) in words) or [
+            *(word for word in _plain(flag).split() if f"--{word}" in known),
+            *get_close_matches(_plain(flag), words, n=1, cutoff=0.7),
+            *map(_plain, get_close_matches(flag, known, n=1, cutoff=0.75)),
+        ]
         hint = f"did you mean {words[near[0]]!r}?" if near else f"see {program} -h"
         raise InputError(f"{program.partition(' ')[2]}: there is no {shown(flag)}; {hint}")
 

@@ -168,6 +168,8 @@ def test_a_collision_can_be_ignored(room, tmp_path):
         ("run city --beam 91", "did you mean '--set laser.beams=VALUE'?"),
         ("run city --max-range 8", "did you mean '--set laser.range_max=VALUE'?"),
         ("run city --duration 8", "did you mean '--scans'?"),
+        ("run city --random-seed 8", "did you mean '--seed'?"),
+        ("render out/city --play-back 8", "did you mean '--playback'?"),
         ("sweep city --runs 8", "did you mean '--seeds'?"),
         ("map a.log --max-range 8", "there is no '--max-range'; see lrf3d map -h"),
         ("run city --xyzzy", "there is no '--xyzzy'; see lrf3d run -h"),
