@@ -190,5 +190,5 @@ MAPS: dict[str, str] = {
     "free_thresh: 0.9": "above occupied_thresh",
     "negate: maybe": "negate: expected 0 or 1, found",
     "mode: fancy": "mode: expected one of trinary, scale, raw",
-    "a: [b": "not a yaml file",
+    "a: [b": "no yaml file",
 }
