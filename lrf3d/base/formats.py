@@ -8,7 +8,6 @@ and enter its row; of rows with the same ending the last one counts.
 
 import gzip
 import zlib
-from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -306,8 +305,8 @@ def head_of(path: Path, most: int = HEAD, what: str = "a file") -> bytes:
         head = file.read(most)
     if head.startswith(GZIP):
         with suppress(zlib.error):
-            head = zlib.decompressobj(31).decompress(head, most)
-    return head.removeprefix(BOM_UTF8)
+            return zlib.decompressobj(31).decompress(head, most)
+    return head
 
 
 def by_looks(head: bytes) -> tuple[Format, str] | None:

@@ -5,7 +5,6 @@ An `Intake` collects notes and bad lines while a file is read, and makes the log
 
 import gzip
 import zlib
-from codecs import BOM_UTF8
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -294,7 +293,7 @@ class Intake:
             stream: Any = gzip.open(file) if packed else file
             try:
                 for number, line in enumerate(stream, 1):
-                    yield number, line if number > 1 else line.removeprefix(BOM_UTF8)
+                    yield number, line
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
                 why = f"the packed data are damaged from here on ({error})"
                 self.refuse(number + 1, why)

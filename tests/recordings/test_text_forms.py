@@ -129,32 +129,6 @@ FORMS = {
         f"scan{k}": dict(zip(["time", "x", "y", "theta", "ranges"],
                              [*map(float, row[:4]), [float(r) for r in row[4:]]], strict=True))
         for k, row in enumerate(ROWS)}),
-    "feet": units(1 / 0.3048, ["time", "x_ft", "y (feet)", "heading",
-                               *(f"range_{k}_ft" for k in range(BEAMS))]),
-    "inches": units(1 / 0.0254, ["time", "x (in)", "y_in", "orientation",
-                                 *(f"range_{k}_in" for k in range(BEAMS))]),
-    "Spanish names": joined(
-        [["tiempo", "x", "y", "ángulo", *(f"distancia_{k}" for k in range(BEAMS))], *ROWS]),
-    "lists between semicolons": joined(
-        [["time", "x", "y", "theta", "ranges"], *([*r[:4], ";".join(r[4:])] for r in ROWS)]),
-    "arrays as Python prints them": joined(
-        [["time", "x", "y", "theta", "ranges"],
-         *([*r[:4], f"\"array('f', [{', '.join(r[4:])}])\""] for r in ROWS)]),
-    "a number of ranges among names": f"% time x y theta {BEAMS} ranges\n" + joined(ROWS, " "),
-    "labels of an empty list": "\n".join(
-        f"LaserScan(time={r[0]}, x={r[1]}, y={r[2]}, theta={r[3]}, ranges=[{', '.join(r[4:])}],"
-        " intensities=[])" for r in ROWS),
-    "poses below the names of messages": joined(
-        [["time", "position", "x", "y", "orientation", "x", "y", "z", "w", "ranges"],
-         *([r[0], "", *r[1:3], "", 0.0, 0.0, np.sin(float(r[3]) / 2), np.cos(float(r[3]) / 2),
-            f"\"[{', '.join(r[4:])}]\""] for r in ROWS)]),
-    "poses in records of their own, after a byte order mark": "\ufeff" + "\n".join(
-        json.dumps(record) for r in ROWS for record in (
-            {"type": "odom", "t": float(r[0]), "pose": [*map(float, r[1:4])]},
-            {"type": "scan", "t": float(r[0]), "ranges": [*map(float, r[4:])]})),
-    "ranges as a text in records": "\n".join(
-        json.dumps({"t": r[0], "pose": [*map(float, r[1:4])], "ranges": " ".join(r[4:])})
-        for r in ROWS),
 }  # fmt: skip
 
 

@@ -183,7 +183,7 @@ def test_a_format_names_columns_units_bearings_and_wheels(drive, tmp_path):
         ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:m", "3 beams at unknown.*such as 'first=-\\d+deg,"),
         ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:m,first=0deg,step=200deg", "over 400°"),
         ("1 5 6 7\n2 5 6 8\n", "stamp,rangs:m", "did you mean 'ranges'"),
-        ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:mile", "mile"),
+        ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:inch", "inch"),
         ("1 50 60 70\n2 50 60 80\n", "stamp,ranges,first=0deg,step=1deg", "name their unit"),
         ("1 5 6 7\n2 5 6 8\n", "left,right,ranges:m,first=0deg,step=1deg", "tick="),
         ("1 5 6 7\n2 5 6 8\n", "ranges:m@9", "2 bad lines, first line 1: 4 columns"),

@@ -21,9 +21,8 @@ from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.formats import head_of
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
-from lrf3d.recordings.formats.names import CUT, ROBOTS, WHOLE, meaning
 from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
-from lrf3d.recordings.formats.table import Table, padded
+from lrf3d.recordings.formats.table import CUT, WHOLE, Table, meaning, padded
 from lrf3d.recordings.formats.text.dialects import DIALECTS, Words
 from lrf3d.recordings.formats.text.guesses import SERIES, by_names, swept
 from lrf3d.recordings.formats.text.layout import Form, Layout, described
@@ -31,13 +30,8 @@ from lrf3d.recordings.formats.text.lines import SHORT, in_seconds, named, untype
 from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
-# A robot, and the names of fields and whether each is a scan.
-Kind = tuple[str, frozenset[tuple[str, bool]]]
-
 # Matches what JSON and printed messages of ROS begin with.
-DOCUMENTS = re.compile(
-    rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):[ \t]*+[^\s,]*+[ \t\r]*+\n"
-).match
+DOCUMENTS = re.compile(rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):").match
 
 # Matches what a dict begins with that Python prints: its names are in single quotes, or numbers.
 PRINTED = re.compile(r"\s*\{['\d]").match
@@ -62,9 +56,6 @@ LONG_BEGINNING = 1 << 16
 
 # Matches a cell of a CSV: what stands in quotes, a list, or what comes before the next comma.
 CELLS = re.compile(r"""\s*(?:"([^"]*(?:""[^"]*)*)"|[\[(]([^\[\](){}]*)[\])]|([^,]*))\s*,""")
-
-# Names of messages in messages: of a column without cells, it is that of the fields after it.
-PARENTS = {"header", "stamp", "pose", "position", "orientation", "twist", "linear", "angular"}
 
 # Matches a line of a CSV: what stands in quotes may have line ends.
 LINES = re.compile(r"""(?:[^\n"]|"[^"]*+")++""")
@@ -222,7 +213,7 @@ def _part_pairs(table: Table, pairs: Float) -> None:
     # Bearings rise, or fall, from beam to beam; the coordinates of points do both.
     ways = np.nan_to_num(np.sign(np.diff(pairs, axis=1)))
     even = np.abs(ways.sum(axis=(0, 1))) / np.maximum(np.abs(ways).sum(axis=(0, 1)), 1.0)
-    if even.max() < 0.8:
+    if even.max() < 0.5:
         found = f"pairs {pairs.shape} without bearings"
         raise InputError(f"{table.intake.path}: {found}; expected bearings and ranges, (k, n)")
     # What scans with fewer pairs lack is no number.
@@ -249,63 +240,33 @@ def _are_columns(table: Table, rows: int, columns: int) -> bool:
 
 def record_table(intake: Intake, format: str | None) -> Table:
     """The table of a file of records."""
-    scans, poses = records(intake)
-    table = _named(intake, scans, "fields", format)
-    if poses:
-        table.take_poses(Table.named(Intake(intake.path), poses), "its own records")
-    return table
+    return _named(intake, records(intake), "fields", format)
 
 
-def records(intake: Intake) -> tuple[dict[str, Float], dict[str, Float]]:
-    """The columns of a file of records with scans, or else the first, and of those with poses.
-
-    Poses may have records of their own. All records that lack what the first one of these has are
-    counted, and so are those of other robots.
-    """
-    kinds = _by_kind(intake)
-    if not kinds:
-        raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
-    with_scans = (kind for kind in kinds if any(is_scan for _, is_scan in kind[1]))
-    first = next(with_scans, next(iter(kinds)))
-    scans = kinds.pop(first)
-    alike = (kind for kind in kinds if kind[0] == first[0] and _has_pose(kind))
-    poses = {} if _has_pose(first) else kinds.pop(next(alike, first), {})
-    for number in sorted(chain.from_iterable(kinds.values())):
-        intake.refuse(number, "other fields, or another robot, than the first", "record")
-    return _columns([*scans.values()], intake.notes), _columns([*poses.values()], [])
-
-
-def _by_kind(intake: Intake) -> dict[Kind, dict[int, dict[str, Float]]]:
-    """The records of a file by their kinds and their numbers."""
+def records(intake: Intake) -> dict[str, Float]:
+    """The columns of a file of records; those that lack what the first one has are counted."""
     text = b"".join(line for _, line in intake.lines()).decode("utf-8", "replace")
     parts, read = _parts(text)
-    kinds = dict[Kind, dict[int, dict[str, Float]]]()
+    rows: list[dict[str, Float]] = []
     for number, part in enumerate(parts, 1):
         if isinstance(part, str) and not part.strip():
             continue
         try:
-            value = read(part)
-            row = dict(_flat(value, ""))
+            row = dict(_flat(read(part), ""))
+            if rows and _kinds(row) != _kinds(rows[0]):
+                raise ValueError("other fields than the first")
         except (ValueError, TypeError, RecursionError) as error:
             intake.refuse(number, one_line(str(error), 90), "record")
             continue
-        kinds.setdefault(_kind(value, row), {})[number] = row
-    return kinds
+        rows.append(row)
+    if not rows:
+        raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
+    return _columns(rows, intake.notes)
 
 
-def _kind(record: Any, row: dict[str, Float]) -> Kind:
-    """The name of the robot of a record, if it has one, and its fields: whether each is a scan."""
-    fields = record if isinstance(record, dict) else {}
-    named = {str(name).lower(): each for name, each in fields.items()}
-    robots = [str(named[name]) for name in ROBOTS if isinstance(named.get(name), str | int)]
-    kinds = ((name, each.ndim > 0 and meaning(name)[0] == "ranges") for name, each in row.items())
-    return "".join(robots), frozenset(kinds)
-
-
-def _has_pose(kind: Kind) -> bool:
-    """Whether records of a kind hold poses."""
-    roles = {meaning(name)[0] for name, _ in kind[1]}
-    return {"x", "y", "theta"} <= roles or "poses" in roles
+def _kinds(row: dict[str, Float]) -> dict[str, bool]:
+    """The names of the fields of a record, and whether each is a scan."""
+    return {name: each.ndim > 0 and meaning(name)[0] == "ranges" for name, each in row.items()}
 
 
 def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
@@ -314,7 +275,6 @@ def _parts(text: str) -> tuple[Sequence[Any], Callable[[Any], Any]]:
         found = _json_parts(untyped(text))
         plain = in_seconds(text)
         return found if plain is text or _are_stamped(*found) else _json_parts(untyped(plain))
-    text = untyped(text)
     documents = re.split(r"(?m)^---[ \r]*$", text)
     if len(documents) > 1 or re.match(r"\s*\w+:", text):
         return documents, _yaml
@@ -370,8 +330,8 @@ def _rows(columns: dict[str, Any], names: Sequence[str]) -> Sequence[Any]:
 
 def _columns(rows: Sequence[dict[str, Float]], notes: list[str]) -> dict[str, Float]:
     """The numbers of records by their names; a record alone holds whole columns."""
-    if len(rows) < 2:
-        return {name: each for row in rows for name, each in row.items()}
+    if len(rows) == 1:
+        return rows[0]
     return {name: _stacked(name, [row[name] for row in rows], notes) for name in rows[0]}
 
 
@@ -395,12 +355,8 @@ def _cells(names: list[str], line: str) -> dict[str, Any]:
     if len(cells) != len(names):
         raise ValueError(f"{len(cells)} cells for {len(names)} names")
     found: dict[str, Any] = {}
-    message = ""
     for name, cell in zip(names, cells, strict=True):
-        if name in PARENTS and not cell:
-            message = f"{name}."
-            continue
-        *above, last = (message + name.strip(". \"'")).split(".")
+        *above, last = name.strip(". \"'").split(".")
         place = found
         for each in above:
             place = place.setdefault(each, {})
@@ -458,8 +414,6 @@ def _floats(value: Any) -> Float:
 def _of_numbers(value: Any, name: str) -> Iterator[tuple[str, Float]]:
     if isinstance(value, list) and CUT in value:
         raise ValueError(WHOLE)
-    if isinstance(value, str) and meaning(name)[0] == "ranges":
-        value = untyped(value).strip("[]").replace(",", " ").split()
     # A beam without return has no number.
     if value is not None or (SERIES(name) and meaning(name)[0] in ("", "ranges")):
         with suppress(ValueError, TypeError):

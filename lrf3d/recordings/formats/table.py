@@ -5,8 +5,10 @@ poses, increments or ticks of encoders (k,) each. A `LaserLog` leaves, whose not
 assumed.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -14,7 +16,6 @@ from lrf3d.base.errors import InputError, one_line
 from lrf3d.geometry.lines import Float, Int, sealed, usual_step
 from lrf3d.geometry.pose import Pose, compose, heading_of
 from lrf3d.laser import LaserScan
-from lrf3d.recordings.formats.names import ROLES, SETTINGS, meaning
 from lrf3d.recordings.formats.text.fans import (
     FANS,
     LEAST_ALIKE,
@@ -25,8 +26,65 @@ from lrf3d.recordings.formats.text.fans import (
     front_ends,
     in_one_piece,
 )
-from lrf3d.recordings.formats.units import ANGLES, NANO, TIMES
+from lrf3d.recordings.formats.units import ANGLES, COUNTS, LENGTHS, NANO, TIMES
 from lrf3d.recordings.log import UNTIMED, Intake, LaserLog, WheelRecord
+
+# What columns hold, and their units; of these, the first one is that of lrf3d.
+ROLES = {
+    "stamp": TIMES, "dt": TIMES,
+    "x": LENGTHS, "y": LENGTHS, "theta": ANGLES, "dx": LENGTHS, "dy": LENGTHS,
+    "dtheta": ANGLES, "left": COUNTS, "right": COUNTS, "ranges": LENGTHS, "angles": ANGLES,
+    "qx": COUNTS, "qy": COUNTS, "qz": COUNTS, "qw": COUNTS, "quality": COUNTS, "nanosec": COUNTS,
+}  # fmt: skip
+
+# The words of units.
+UNITS = {unit for units in ROLES.values() for unit in units}
+
+# Numbers that a format or a recording may give for all scans, and their units.
+SETTINGS = {
+    "first": ANGLES, "last": ANGLES, "step": ANGLES, "tick": LENGTHS, "track": LENGTHS,
+    "offset": LENGTHS,
+}  # fmt: skip
+
+# Words for columns in headers, and for arrays.
+SYNONYMS = {
+    "stamp": "stamp time timestamp datetime t ts sec secs seconds zeit temps",
+    "nanosec": "nanosec nanosecs nsec nsecs", "x": "x px posx",
+    "y": "y py posy",
+    "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
+    "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth", "qx": "qx", "qy": "qy", "qz": "qz",
+    "qw": "qw", "angles": "angle angule bearing azimuth winkel deg",
+    "quality": "quality q confidence",
+    "poses": "poses pose trajectory odometry odom",
+    "ranges": "ranges range r distances distance dist d scan laser lidar readings"
+    " abstand entfernung",
+}  # fmt: skip
+
+# Roles by these words.
+ROLE_OF = {word: role for role, words in SYNONYMS.items() for word in words.split()}
+
+# Roles of fields of ROS messages that are settings, or hold something else than their words say.
+MESSAGE_FIELDS = {
+    "angle_min": "first",
+    "angle_max": "last",
+    "min_theta": "first",
+    "max_theta": "last",
+    "angle_increment": "step",
+} | dict.fromkeys(
+    "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split(), ""
+)
+
+# What stands for the elements that ``ros2 topic echo`` leaves out.
+CUT = "..."
+
+# What to do then.
+WHOLE = "arrays are cut: ros2 topic echo --full-length prints them whole"
+
+# Words of columns that are not poses, though they have an x and a y, or that count.
+FOREIGN = set(
+    "acceleration accel acc velocity vel twist gyro covariance id idx index number nr count"
+    " intensity intensities".split()
+)
 
 # Ranges whose median is above this are not metres.
 FAR = 100.0
@@ -55,9 +113,6 @@ LARGEST_TURN = 0.35
 # Share of turns that must be larger: a heading that jumps by a turn does so seldom.
 LEAST_TURNS = 0.05
 
-# Least number of a quaternion that tilts a robot.
-LEAST_TILT = 0.1
-
 # Largest share of readings of a fan that may have the bearing of another.
 MOST_ALIKE = 0.9
 
@@ -65,16 +120,36 @@ MOST_ALIKE = 0.9
 COUNTER = 1 << 16
 
 
-def _planar(array: Float) -> Sequence[Float] | None:
-    """The columns x, y and theta of poses, or of those with a height and a quaternion (k, 7).
+# Records repeat their names, and a header may have thousands of columns of one.
+@lru_cache(1 << 12)
+def meaning(name: str) -> tuple[str, str]:
+    """What a column of this name holds, and its unit, as far as the name says so."""
+    name = re.sub("(deg)rees?|(rad)ians?", r"\1\2", name.lower())
+    if quaternion := re.search(r"(?:orientation|rotation|quaternion)\W?([wxyz])$", name):
+        return f"q{quaternion[1]}", ""
+    if (last := re.split("[./]", name)[-1]) in MESSAGE_FIELDS:
+        return MESSAGE_FIELDS[last], "rad"
+    words = [word for word in re.split(r"[^a-z]+", name) if word]
+    if FOREIGN.intersection(words):
+        return "", ""
+    units = [word for word in words if word in UNITS]
+    role = _role_of([word for word in words if word not in UNITS or len(words) == 1])
+    return role, units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
 
-    Poses are (k, 3) or (3, k), matrices (k, 3, 3) or (k, 4, 4).
-    """
+
+def _role_of(words: Sequence[str]) -> str:
+    """The role of the last word that has one, in the singular or the plural; "" if none has."""
+    for word in reversed(words):
+        word = "stamp" if word.endswith("timestamp") else word
+        if role := ROLE_OF.get(word) or ROLE_OF.get(word.removesuffix("s")):
+            return role
+    return ""
+
+
+def _planar(array: Float) -> Sequence[Float] | None:
+    """The columns x, y and theta of poses (k, 3), (3, k), or matrices (k, 3, 3) or (k, 4, 4)."""
     if array.shape[1:] in ((3, 3), (4, 4)):
         return array[:, 0, -1], array[:, 1, -1], np.arctan2(array[:, 1, 0], array[:, 0, 0])
-    # Quaternions that begin with w tilt the robot, read like this.
-    if array.shape[1:] == (7,) and np.abs(array[:, 3:5]).max() < LEAST_TILT:
-        return array[:, 0], array[:, 1], heading_of(*array[:, 3:].T)
     if array.ndim != 2 or 3 not in array.shape:
         return None
     return [*(array.T if array.shape[1] == 3 else array)]
@@ -103,7 +178,7 @@ class Table:
             if role == "poses" and (columns := _planar(array)) is not None:
                 table.values |= dict(zip(("x", "y", "theta"), columns, strict=True)) | table.values
             elif role in SETTINGS and array.size and np.ptp(array) == 0.0:
-                table.settings[role] = float(array.flat[0]) * SETTINGS[role].get(unit, 1.0)
+                table.settings[role] = float(array.flat[0])
             elif role in ROLES and role not in table.values:
                 table.values[role] = array if role == "ranges" else array.reshape(-1)
                 table.units[role] = unit
@@ -327,45 +402,6 @@ class Table:
         y = self._in("y", unit)
         theta = self._in("theta", "deg" if wide and turned.mean() > LEAST_TURNS else "rad")
         return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])
-
-    def take_poses(self, other: "Table", name: str) -> None:
-        """Enter the poses of another table at the stamps of the scans, or note why not."""
-        placed = self._at_scans(other, other.poses())
-        if isinstance(placed, str):
-            self.intake.notes.append(f"{name} beside it {placed}: not used")
-            return
-        for role, column in zip(("x", "y", "theta"), placed.T, strict=True):
-            self.values[role] = column
-            self.units[role] = next(iter(ROLES[role]))
-        self.settings |= other.settings
-        self.intake.notes.append(f"odometry from {name}")
-
-    def _at_scans(self, other: "Table", poses: Float | None) -> Float | str:
-        """The poses of another table at the scans of this one, or why there are none.
-
-        Scans outside of the time of the poses are left out.
-        """
-        if poses is None:
-            return "holds no poses that are understood"
-        if not ("stamp" in other.values and "stamp" in self.values):
-            if len(poses) == len(self.values["ranges"]):
-                return poses
-            return f"has {len(poses)} poses and no stamps"
-        at = self.times()
-        own = other.times()
-        poses[:, 2] = np.unwrap(poses[:, 2])
-        # A scan may be half a step of the odometry early or late.
-        reach = 0.5 * float(np.median(np.diff(own))) if len(own) > 1 else 0.0
-        known = (at >= own[0] - reach) & (at <= own[-1] + reach)
-        if not known.any():
-            return "is of another time"
-        if not known.all():
-            self.intake.notes.append(
-                f"{(~known).sum()} scans outside of the time of poses left out"
-            )
-        for role in self.values.keys() - {"angles"}:
-            self.values[role] = self.values[role][known]
-        return np.column_stack([np.interp(at[known], own, column) for column in poses.T])
 
     def _by_ticks(self) -> Float:
         tick, track = (self.settings.get(key) for key in ("tick", "track"))

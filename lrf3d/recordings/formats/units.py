@@ -15,7 +15,7 @@ NANO = 1e-9
 TIMES = {"s": 1.0, "ms": MILLI, "us": MICRO, "ns": NANO, "days": 86400.0}
 
 # Units of lengths.
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": MILLI, "ft": 0.3048, "inch": 0.0254}
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": MILLI}
 
 # Units of angles.
 ANGLES = {"rad": 1.0, "deg": np.pi / 180}

@@ -24,13 +24,10 @@ JOINTS = re.compile(r"[\])}]:?\s*[\[({]")
 QUOTED = re.compile(r'"(-?\d+),(\d+)"')
 
 # Units in brackets after names in headers.
-UNITS = re.compile(r"(?<=[\w\]])\s?[\[(](rad|deg|degrees|[mcun]?[ms]|ft|feet|inch|in)[\])]")
+UNITS = re.compile(r"(?<=[\w\]])\s?[\[(](rad|deg|degrees|[mcun]?[ms])[\])]")
 
-# Matches a line of tuples: what comes before them, and the first of them.
-NESTED = re.compile(r"\s*([\d.]*)[\s,;:]*[\[(]\s*[\[(]([^\])]*)[\])]").match
-
-# The tuples in a line.
-TUPLES = re.compile(r"[\[(]([^\[\](){}]*)[\])]").findall
+# Matches a line of tuples; the first group is the first of them.
+NESTED = re.compile(r"\s*[\[(]\s*[\[(]([^\])]*)[\])]").match
 
 # Matches numbers with a decimal comma.
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?").fullmatch
@@ -46,9 +43,6 @@ LEGEND = re.compile(r"(?i).*\b(?:format|legend|columns|fields)\s*:\s*(.*)").matc
 
 # The first and the last name of numbered columns: ``r1 ... r180``.
 FIRST_TO_LAST = re.compile(r"([A-Za-z_]\w*?)(\d+)\W+(?:\.\.+|…)\W+\1(\d+)")
-
-# Finds marks of a list within a cell.
-MARKS = re.compile("[;|]").search
 
 Words = list[str]
 
@@ -96,35 +90,20 @@ def _parts(text: str) -> Words:
 
 
 def _labelled(text: str) -> list[Words]:
-    bare = UNITS.sub(r"_\1", text)
-    words = [number for _, number in LABELS.findall(bare)] or [text]
-    return [words + [each for found in LISTED.finditer(bare) for each in _parts(found[2])]]
-
-
-def _are_labelled(lines: Sequence[str]) -> bool:
-    labelled = sum(len(LABELS.findall(UNITS.sub("", text))) > 1 for text in lines)
-    return 2 * labelled > len(lines)
+    words = [number for _, number in LABELS.findall(text)] or [text]
+    return [words + [each for found in LISTED.finditer(text) for each in _parts(found[2])]]
 
 
 def _labels(text: str) -> Words:
-    bare = UNITS.sub(r"_\1", text)
-    names = [name for name, _ in LABELS.findall(bare)]
-    lists = [name for name, numbers in LISTED.findall(bare) if numbers.strip()]
-    return [name.lower() for name in names + lists]
+    names = [name for name, _ in LABELS.findall(text)]
+    return [name.lower() for name in names + [name for name, _ in LISTED.findall(text)]]
 
 
 def _tuples(text: str) -> list[Words]:
-    found = NESTED(text)
-    if not found:
-        return [_parts(BRACKETS.sub(" ", text))]
-    before = _parts(found[1])
-    return [before + _parts(each) for each in TUPLES(text)]
-
-
-def _are_tuples(lines: Sequence[str]) -> bool:
-    """Whether a line is a list of tuples of one size."""
-    lists = [TUPLES(text) for text in lines if NESTED(text)]
-    return any(len({len(_parts(each)) for each in parts}) == 1 for parts in lists)
+    words = _parts(BRACKETS.sub(" ", text))
+    first = NESTED(text)
+    size = len(_parts(first[1])) if first else 0
+    return [words[k : k + size] for k in range(0, len(words), size)] if size else [words]
 
 
 def _are_separated(mark: str, lines: Sequence[str]) -> bool:
@@ -166,33 +145,17 @@ def _spaced(word: str) -> Words:
     return parts if len(parts) > 1 and all(map(is_number, parts)) else [word]
 
 
-def _have_lists(lines: Sequence[str]) -> bool:
-    """Whether commas separate cells of which one holds other marks, which the header has not."""
-    cells = [text.split(",") for text in lines]
-    listed = [sum(bool(MARKS(cell)) for cell in row) for row in cells]
-    return listed[:1] == [0] and {*listed[1:]} == {1} and len({*map(len, cells)}) == 1
-
-
-def _listed(text: str) -> list[Words]:
-    return _separated(",", re.sub("[;|]", " ", text))
-
-
 DIALECTS = [
     Dialect(
         "labels",
         "Each number has its name before it: `theta: 1.5 Dist: 800`, `time=0.1 ranges=[…]`.",
-        _are_labelled,
+        lambda lines: 2 * sum(len(LABELS.findall(text)) > 1 for text in lines) > len(lines),
         _labelled, _labels,
     ),
     Dialect(
         "tuples",
         "A line is a list of lists of numbers, a row each: `[(15, 0.5, 812), (15, 1.5, 810), …]`.",
-        _are_tuples, _tuples,
-    ),
-    Dialect(
-        "lists in cells between commas",
-        "Semicolons or vertical bars separate the numbers of a scan, which stand in a cell.",
-        _have_lists, _listed,
+        lambda lines: any(map(NESTED, lines)), _tuples,
     ),
     Dialect(
         "tabs below a header that begins with one",

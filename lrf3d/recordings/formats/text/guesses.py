@@ -12,7 +12,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.geometry.lines import Float
-from lrf3d.recordings.formats.names import CUT, WHOLE, meaning
+from lrf3d.recordings.formats.table import CUT, WHOLE, meaning
 from lrf3d.recordings.formats.text.dialects import Words
 from lrf3d.recordings.formats.text.fans import FANS, LEAST_ALIKE
 from lrf3d.recordings.formats.text.layout import Form, Layout, described
@@ -21,8 +21,7 @@ from lrf3d.recordings.log import Intake
 
 # Matches one of a series of columns: its name, its number, and a unit.
 SERIES = re.compile(
-    r"(.*?)[\s\[(;._]*(?<!\d)(?<!\d\.)(-?\d+(?:\.\d+)?)[\s\])°]*"
-    r"(?:[_/ ]*(?:deg|(mm|cm|m|ft|inch|in)))?"
+    r"(.*?)[\s\[(;._]*(?<!\d)(?<!\d\.)(-?\d+(?:\.\d+)?)[\s\])°]*(?:[_/ ]*(?:deg|(mm|cm|m)))?"
 ).fullmatch
 
 # Largest number of words before the number of ranges.
@@ -152,7 +151,6 @@ def _wide_format(form: Form, rows: Float) -> str:
     goes_on = ((ALIKE * before > sizes[-1]) & (before < ALIKE * sizes[-1])).any()
     # Of negative numbers there is one, that of beams without return.
     likely = len({*ranges[ranges < 0.0].tolist()}) <= 1 and not goes_on
-    likely = likely and not _counts_up(form, begin)
     stamp = "stamp@1, " if stamped else ""
     return f"{stamp}ranges{beams}@{begin + 1}" if likely else ""
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, check_names, shown
 from lrf3d.geometry.lines import Float
-from lrf3d.recordings.formats.names import ROLES, SETTINGS
-from lrf3d.recordings.formats.table import Table
+from lrf3d.recordings.formats.table import ROLES, SETTINGS, Table
 from lrf3d.recordings.formats.text.dialects import Dialect, Words, dialect_of
 from lrf3d.recordings.formats.text.lines import (
     MISSING,
@@ -167,9 +166,7 @@ def _header(rows: Sequence[Words], numeric: Sequence[Words]) -> Words:
         return named(first)
     before = [r for r in rows[: rows.index(first)] if not all(map(is_number, filter(None, r)))]
     alike = [row for row in before if len(row) == len(first)]
-    # A line of fewer names may say how many columns the last one has.
-    short = [[word for word in row if not is_number(word)] for row in before[-1:]]
-    heads = alike or [row for row in short if len(row) >= min(len(first), 2)]
+    heads = alike or [row for row in before[-1:] if len(row) >= min(len(first), 2)]
     # A row of units has fewer different words than the row of names before it.
     return named(max(reversed(heads), key=lambda row: len({*row}))) if heads else []
 

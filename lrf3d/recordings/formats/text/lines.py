@@ -27,8 +27,8 @@ CLOCK = re.compile(
 # Finds what each of them has, which is faster.
 MINUTES = re.compile(r":\d\d:\d").search
 
-# Numbers as Python prints those of NumPy, and its arrays of numbers.
-TYPED = re.compile(r"np\.\w+\(([^()]*)\)|\barray\((?:'\w', )?(\[[^\]()]*\])\)")
+# Numbers as Python prints those of NumPy.
+NUMPY = re.compile(r"np\.\w+\(([^()]*)\)")
 
 # Largest number of words of a line that is too short to hold a whole scan.
 SHORT = 6
@@ -37,9 +37,7 @@ SHORT = 6
 VARIED = 10
 
 # Matches what stands for a reading that is missing.
-MISSING = re.compile(
-    r"null|none|n/?a|nil|max|(?:out.?of|over).?range|no.?(?:return|echo|data)|-*", re.IGNORECASE
-).fullmatch
+MISSING = re.compile(r"null|none|n/?a|nil|-*", re.IGNORECASE).fullmatch
 
 
 def texts_of(intake: Intake) -> Iterator[tuple[int, str]]:
@@ -77,8 +75,8 @@ def in_seconds(text: str) -> str:
 
 
 def untyped(text: str) -> str:
-    """A text without the types of numbers and of arrays of them."""
-    return TYPED.sub(r"\1\2", text) if "np." in text or "array(" in text else text
+    """A text without the types of NumPy's numbers."""
+    return NUMPY.sub(r"\1", text) if "np." in text else text
 
 
 def _seconds(time: re.Match[str]) -> str:

@@ -24,8 +24,7 @@ import numpy as np
 from lrf3d.base.errors import InputError, shown
 from lrf3d.geometry.lines import Float
 from lrf3d.recordings.formats.arrays import is_records, records
-from lrf3d.recordings.formats.names import SETTINGS
-from lrf3d.recordings.formats.table import Table, padded
+from lrf3d.recordings.formats.table import ROLES, SETTINGS, Table, padded
 from lrf3d.recordings.formats.text.guesses import by_names, formats_for, layout_of
 from lrf3d.recordings.formats.text.layout import Form, Layout, described, form_of
 from lrf3d.recordings.log import Intake
@@ -80,7 +79,7 @@ def text_table(intake: Intake, format: str | None) -> Table:
         other = Table(Intake(intake.path), {})
         # Lines of poses are short.
         poses.read(replace(form, least=0), other)
-        table.take_poses(other, "its own lines")
+        _take_poses(table, other, "its own lines")
     add_partner(table, partner)
     return table
 
@@ -114,8 +113,7 @@ def _stack(table: Table, ranges: list[Float]) -> None:
     spread = {"first", "last"} <= table.settings.keys() and "step" not in table.settings
     table.values["ranges"] = padded(ranges, table.intake.notes, spread=spread)
     for role in SETTINGS.keys() & table.values.keys():
-        unit = SETTINGS[role].get(table.units.get(role, ""), 1.0)
-        table.settings[role] = float(np.median(table.values.pop(role))) * unit
+        table.settings[role] = float(np.median(table.values.pop(role)))
 
 
 def add_partner(table: Table, spec: str = "") -> None:
@@ -125,20 +123,33 @@ def add_partner(table: Table, spec: str = "") -> None:
     """
     path = table.intake.path
     notes = table.intake.notes
-    words = [found[0] for found in SCANS.finditer(path.name)]
-    names = [path.name.replace(scan, word) for scan in words for word in PARTNERS]
+    found = SCANS.search(path.name)
+    names = [path.name.replace(found[0], word) for word in PARTNERS] if found else []
     partner = next(filter(Path.exists, map(path.with_name, names)), None)
     if partner is None or {"x", "dx", "left"} & table.values.keys():
         notes += [f"no odometry: there is no {(*names, 'file')[0]} beside it"] if spec else []
         return
-    table.take_poses(_partner_table(partner, spec), partner.name)
+    _take_poses(table, _partner_table(partner, spec), partner.name)
+
+
+def _take_poses(table: Table, other: Table, name: str) -> None:
+    """Enter the poses of another table at the stamps of the scans, or note why there are none."""
+    placed = _at_scans(table, other, other.poses())
+    if isinstance(placed, str):
+        table.intake.notes.append(f"{name} beside it {placed}: not used")
+        return
+    for role, column in zip(("x", "y", "theta"), placed.T, strict=True):
+        table.values[role] = column
+        table.units[role] = next(iter(ROLES[role]))
+    table.settings |= other.settings
+    table.intake.notes.append(f"odometry from {name}")
 
 
 def _partner_table(path: Path, spec: str) -> Table:
     """The table of a file of odometry, by its format, its header or its number of columns."""
     intake = Intake(path)
     if is_records(path):
-        return Table.named(intake, records(intake)[0])
+        return Table.named(intake, records(intake))
     form = form_of(path)
     layout = described(spec, []) if spec else by_names(form)
     if not spec and not {"x", "dx"} & layout.columns.keys():
@@ -153,3 +164,29 @@ def _partner_table(path: Path, spec: str) -> Table:
     table = Table(intake, {})
     layout.read(form, table)
     return table
+
+
+def _at_scans(table: Table, other: Table, poses: Float | None) -> Float | str:
+    """The poses of another table at the scans of this one, or why there are none.
+
+    Scans outside of the time of the poses are left out.
+    """
+    if poses is None:
+        return "holds no poses that are understood"
+    if not ("stamp" in other.values and "stamp" in table.values):
+        if len(poses) == len(table.values["ranges"]):
+            return poses
+        return f"has {len(poses)} poses and no stamps"
+    at = table.times()
+    own = other.times()
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    # A scan may be half a step of the odometry early or late.
+    reach = 0.5 * float(np.median(np.diff(own))) if len(own) > 1 else 0.0
+    known = (at >= own[0] - reach) & (at <= own[-1] + reach)
+    if not known.any():
+        return "is of another time"
+    if not known.all():
+        table.intake.notes.append(f"{(~known).sum()} scans outside of the time of poses left out")
+    for role in table.values.keys() - {"angles"}:
+        table.values[role] = table.values[role][known]
+    return np.column_stack([np.interp(at[known], own, column) for column in poses.T])
