@@ -122,7 +122,7 @@ def read_directly(
             raise error(f"{path}: cannot be read: {problem.strerror}") from None
         reason = one_line(f"{type(problem).__name__}: {' '.join(str(problem).split())}", 120)
         raise error(
-            f"{path}: damaged, or not a {path.suffix[1:].lower()} file ({reason.strip(': ')});"
+            f"{path}: damaged, or no {path.suffix[1:].lower()} file ({reason.strip(': ')});"
             " save it again"
         ) from problem
 

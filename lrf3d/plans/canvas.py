@@ -105,6 +105,8 @@ class Canvas:
         # The scale of the drawing, and factors that may correct it, with their reasons.
         self.scale = 1.0
         self.scales = dict[float, str]()
+        # Whether the source names its unit.
+        self.declared = False
         self._work = self._points = 0
 
     @classmethod

@@ -93,7 +93,7 @@ def size_doubt(canvas: Canvas, strokes: Strokes) -> tuple[tuple[Note, ...], dict
     size = np.array([_quantile(x, weights, 0.98) - _quantile(x, weights, 0.02) for x in points.T])
     extent = float(size.max())
     usual_size = extent >= SHEET and usual <= LONGEST
-    if usual_size and strokes.doors:
+    if usual_size and (strokes.doors or canvas.declared):
         return (), {}
     large = [each for each in canvas.scales if EXTENT[0] <= each * extent <= EXTENT[1]]
     # A hall may have longer walls than any other plan.

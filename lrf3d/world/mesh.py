@@ -12,6 +12,7 @@ vertices are relative to the world's origin, which is the translation of each pa
 import json
 import re
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
@@ -185,16 +186,8 @@ def _parts(path: Path, balance: Balance) -> list[tuple[Part, Float]]:
 
     if path.suffix.lower() == ".gltf":
         _check_buffers(path)
-    if path.suffix.lower() == ".obj":
-        # trimesh counts back from the last vertex of all, and not from the face.
-        text = path.read_bytes()
-        face = re.search(rb"^f\s+-\d", text, re.MULTILINE)
-        if face and b"\nv " in text[face.end() :]:
-            raise WorldError("its faces count vertices backwards; save it again, as by Blender")
     y_up = path.suffix.lower() in (".glb", ".gltf")
-    # Only materials of .obj files would read more files than this one.
-    options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
-    scene = trimesh.load_scene(path, process=False, **options)
+    scene = load_scene(path)
     graph = scene.graph
     single = len(graph.nodes_geometry) == 1 and not y_up
     # The graph gives its nodes in any order; the file has its meshes in one.
@@ -215,6 +208,36 @@ def _parts(path: Path, balance: Balance) -> list[tuple[Part, Float]]:
             raise WorldError(f"part {shown(str(node))} {far}")
         parts.append((_looks(mesh, "" if single else str(node)), triangles))
     return parts
+
+
+def load_scene(path: Path, **options: Any) -> Any:
+    """The scene that trimesh makes of a file, in which all meshes are as they are written."""
+    import trimesh
+
+    source: Any = path
+    if path.suffix.lower() == ".obj":
+        # Only materials of .obj files would read more files than this one.
+        options = {"skip_materials": True, "file_type": "obj"}
+        text = path.read_bytes()
+        if re.search(rb"^[ \t]*f[ \t][^\n]*-", text, re.MULTILINE):
+            source = BytesIO(_counted_forwards(text))
+    return trimesh.load_scene(source, process=False, **options)
+
+
+def _counted_forwards(text: bytes) -> bytes:
+    """An OBJ file without faces that count vertices back from their line.
+
+    trimesh counts them back from the last vertex of all.
+    """
+    whole = text.replace(b"\r\n", b"\n").replace(b"\\\n", b" ")
+    lines = [line.partition(b"#")[0].split() for line in whole.splitlines()]
+    known = 0
+    for words in lines:
+        known += words[:1] == [b"v"]
+        if words[:1] == [b"f"]:
+            corners = [int(word.partition(b"/")[0]) for word in words[1:]]
+            words[1:] = [b"%d" % (each if each > 0 else known + 1 + each) for each in corners]
+    return b"\n".join(map(b" ".join, lines))
 
 
 def _looks(mesh: Any, name: str) -> Part:

@@ -23,7 +23,7 @@ from lrf3d.base.balance import Balance
 from lrf3d.base.errors import InputError, WorldError, one_line
 from lrf3d.base.files import own_name
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, number
-from lrf3d.world.mesh import CUT, joined, level_cut, tops_of
+from lrf3d.world.mesh import CUT, joined, level_cut, load_scene, tops_of
 from lrf3d.world.model import World
 from lrf3d.world.pieces import Part, world_of_parts
 
@@ -110,7 +110,8 @@ class _SdfWalls:
         if depth > DEEPEST:
             raise WorldError(f"{file.name}: models within each other more than {DEEPEST} times")
         for model in scope.findall("model"):
-            self._add_model(model, pose @ _pose(_moved(model, scope), scope), file, depth)
+            own = _moved(model, model.get("name"), scope)
+            self._add_model(model, pose @ _pose(own, scope), file, depth)
         for include in scope.findall("include"):
             uri = include.findtext("uri", "").strip()
             found = self._find(uri, file)
@@ -129,7 +130,8 @@ class _SdfWalls:
                 continue
             for model in models:
                 own = include if include.find("pose") is not None else model
-                self._add_model(model, pose @ _pose(own, scope), sdf, depth + 1)
+                own = _moved(own, include.findtext("name", model.get("name")), scope)
+                self._add_model(model, pose @ _pose(own, scope, model), sdf, depth + 1)
 
     def _add_model(self, model: Element, pose: Float, file: Path, depth: int) -> None:
         name = model.get("name", "")
@@ -138,11 +140,12 @@ class _SdfWalls:
         if model.find("link/sensor") is not None:
             self.balance.leave(f"shape of robots: {one_line(name, 60)}", len(shapes))
             return
+        # Shapes may name frames of the model.
+        names = {"__model__", *(each.get("name") for each in model if each.tag in FRAMES)}
         for link in model.findall("link"):
             own = pose @ _pose(link, model)
             for shape in _shapes(link):
-                # Names of frames are those of the model.
-                named = shape.find("pose[@relative_to!='']") is not None
+                named = names & {_relative_to(shape).partition("::")[0]}
                 place = pose @ _pose(shape, model) if named else own @ _pose(shape, link)
                 self._add_shape(shape, place, name, file)
         self.add_models(model, pose, file, depth + 1)
@@ -203,9 +206,10 @@ class _SdfWalls:
             return trimesh.Trimesh(sides.reshape(-1, 3), faces)
         if kind.tag == "plane":
             return "ground plane"
-        # A part of a mesh is not read: it may stand elsewhere than the whole.
-        whole = kind.tag == "mesh" and kind.find("submesh") is None
-        return self._loaded(kind, file) if whole else None
+        # For a part of a mesh the whole is read, unless the part stands elsewhere.
+        if kind.findtext("submesh/center", "").strip() in ("true", "1"):
+            return "part of a centred mesh"
+        return self._loaded(kind, file) if kind.tag == "mesh" else None
 
     def _loaded(self, kind: Element, file: Path) -> Any:
         """The mesh of a file, or why it is left out."""
@@ -216,7 +220,7 @@ class _SdfWalls:
         if found is None or not found.is_file():
             return f"missing mesh file: {one_line(_name(uri), 60)}"
         try:
-            scene = trimesh.load_scene(found, process=False, skip_materials=True)
+            scene = load_scene(found, skip_materials=True)
             mesh = scene.to_mesh()
             # Files of COLLADA name their unit, which is often an inch.
             unit = trimesh.units.unit_conversion(scene.units, "meters") if scene.units else 1.0
@@ -267,32 +271,41 @@ def _shapes(link: Element) -> list[Element]:
     return link.findall("collision") or link.findall("visual")
 
 
-def _moved(model: Element, scope: Element) -> Element:
+def _moved(element: Element, name: str | None, scope: Element) -> Element:
     """A model, or the state that says where it was moved to, as Gazebo Classic saves it."""
     states = scope.iterfind("state/model[pose]")
-    return next((each for each in states if each.get("name") == model.get("name")), model)
+    return next((each for each in states if each.get("name") == name), element)
 
 
-def _pose(element: Element, scope: Element, depth: int = 0) -> Float:
-    """The pose (4, 4) of an element in the model or the world that holds it."""
+def _relative_to(element: Element) -> str:
+    """The name of the frame to which the pose of an element is relative."""
+    given = element.find("pose")
+    return "" if given is None else given.get("relative_to", "").strip()
+
+
+def _pose(element: Element, scope: Element, model: Element | None = None) -> Float:
+    """The pose (4, 4) of an element, which may include a model, in what holds it.
+
+    Raises RecursionError if it is relative to itself.
+    """
     given = element.find("pose")
     pose = np.eye(4) if given is None else _given_pose(given)
-    relative_to = "" if given is None else given.get("relative_to", "")
     # Without a name, a frame is relative to what it is attached to, and a joint to its child.
-    base = relative_to or element.get("attached_to", "") or element.findtext("child", "")
-    pose = _frame(base.strip(), scope, depth) @ pose
+    attached_to = element.get("attached_to", "") or element.findtext("child", "")
+    pose = _frame(_relative_to(element) or attached_to.strip(), scope) @ pose
     # The pose of a model may be that of one of its frames.
-    if placed := element.get("placement_frame", ""):
-        pose = pose @ np.linalg.inv(_frame(placed, element, depth))
+    placed = element.get("placement_frame", "") or element.findtext("placement_frame", "")
+    if placed:
+        pose = pose @ np.linalg.inv(_frame(placed.strip(), element if model is None else model))
     return np.asarray(pose)
 
 
-def _frame(name: str, scope: Element, depth: int) -> Float:
+def _frame(name: str, scope: Element) -> Float:
     """The pose (4, 4) of a named frame, as ``link`` or ``model::link``, in what holds it."""
     first, _, rest = name.partition("::")
-    for each in scope if first and depth < DEEPEST else ():
+    for each in scope if first else ():
         if each.tag in FRAMES and first in (each.get("name"), each.findtext("name")):
-            return np.asarray(_pose(each, scope, depth + 1) @ _frame(rest, each, depth + 1))
+            return np.asarray(_pose(each, scope) @ _frame(rest, each))
     # No name, __model__ and world mean what holds it.
     return np.eye(4)
 

@@ -40,7 +40,7 @@ FAILURES = {
     "import os\nos.kill(os.getpid(), 9)": "stopped from outside",
     "import time\ntime.sleep(99)": r"waited for 0\.4 s for something that never comes",
     "def f(): f()\nf()": "nested too deeply",
-    "raise KeyError('x')": r"damaged, or not a py file \(KeyError: 'x'\); save it again",
+    "raise KeyError('x')": r"damaged, or no py file \(KeyError: 'x'\); save it again",
     "open('written', 'w')": "cannot be read: Permission denied",
     "import os\nos.execv('/bin/true', ['true'])": "cannot be read: Permission denied",
     "values = {1, 2}": "not handed to another process",

@@ -226,6 +226,20 @@ def row_of_rooms(count, open_):
     return np.array(sides + inner, float)
 
 
+@pytest.mark.parametrize("code", [0, 6])
+def test_a_usual_size_is_doubted_by_its_doors_unless_the_drawing_names_its_unit(code, tmp_path):
+    def draw(space):
+        for x1, y1, x2, y2 in row_of_rooms(3, open_=2) / 0.3048:
+            space.add_line((x1, y1), (x2, y2))
+        for x in np.array([2, 6, 10]) / 0.3048:
+            space.add_line((x, 0), (x, 3))
+            space.add_arc((x, 0), 3, 0, 90)
+
+    dxf(tmp_path, draw, code)
+    doubt = " ".join(map(str, read_plan(tmp_path / "a.dxf").doubts))
+    assert ("--scale 0.3048 if it is in feet" in doubt) == (code == 0)
+
+
 @pytest.mark.parametrize(
     ("phrase", "doubt"),
     [

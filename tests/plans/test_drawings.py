@@ -80,6 +80,10 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
         # Numbers of colours may stand apart, and an opacity alone fills a shape.
         ('<rect width="9" height="9" fill="rgb(0 0 0 / 0)"/><rect width="9" height="9"'
          ' fill-opacity="0"/><path d="M1 1h3v2" fill="none" stroke="#000"/>', (1, 0.5), (4.5, 3)),
+        ('<rect width="9" height="9" fill="rgb(0 0 0 / 5%)"/><path d="M1 1h3v2" fill="none"'
+         ' stroke="rgb(9.5 2.5e1 .5)"/>', (1, 0.5), (4.5, 3)),
+        # An opacity around shapes fills none: their outlines are walls.
+        ('<g fill-opacity="1"><path d="M1 1h3v2z"/></g>', (1, 1), (4, 3)),
         # What is important overrules a style, but not what is important, too.
         ('<style>.a {display: none !important} .b {stroke: #000 !important} g .b {stroke: none}'
          '</style><path class="a" style="display: inline" d="M0 0h9v9"/><g><path class="b"'

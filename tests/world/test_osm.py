@@ -235,6 +235,8 @@ def test_trees_are_read_where_they_are_asked_for(tmp_path):
 def test_a_tree_within_or_at_a_building_is_left_out_and_one_mapped_twice_counts_once(tmp_path):
     places = ((15, 10), (30.2, 5), (31, 15), (34, 5), (34.1, 5))
     trees = "".join(tree(10 + n, *place) for n, place in enumerate(places))
+    # More pairs than any file may have.
+    trees += "".join(tree(20 + n, 34, 5) for n in range(1500))
     assert osm(tmp_path, trees + HOUSE, trees=True).object_count == 3
 
 

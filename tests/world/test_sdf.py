@@ -106,6 +106,11 @@ def test_what_is_no_xml_but_read_by_gazebo_is_read(tmp_path):
         + f"<frame name='f'>{POSE.format('', 1, 1)}</frame>",
         model(BOX_SHAPE, pose=POSE.format("f", 3, 2)) + "<frame name='f' attached_to='o'/>" + OTHER,
         model(BOX_SHAPE, pose=POSE.format("o::l", 3, 2)) + OTHER,
+        # A chain of many links, and a name that there is none of.
+        model(BOX_SHAPE, pose=POSE.format("f40", 3, 3))
+        + "".join(f"<frame name='f{n}' attached_to='f{n - 1}'/>" for n in range(2, 41))
+        + f"<frame name='f1'>{POSE.format('', 1, 0)}</frame>",
+        model(shape(BOX.format(2), POSE.format("gone", 3, 2)), more=POSE.format(" ", 1, 1)),
         # Gazebo Classic saves where it was moved to.
         model(BOX_SHAPE) + f"<state><model name='m'>{POSE.format('', 4, 3)}</model></state>",
         model(
@@ -134,8 +139,13 @@ def test_includes_and_meshes_are_found_by_their_folders_and_missing_ones_named(t
     folder = tmp_path / "models" / "table"
     folder.mkdir(parents=True)
     trimesh.creation.box((1, 1, 1)).export(folder / "box.stl")
+    # A part of a mesh stands where the whole does, unless it is centred.
+    part = "<submesh><name>a</name><center>{}</center></submesh></mesh>"
     mesh = "<mesh><uri>model://table/box.stl</uri><scale>2 2 2</scale></mesh>"
-    (folder / "model.sdf").write_text(f"<sdf version='1.6'>{model(shape(mesh))}</sdf>")
+    parts = [shape(mesh.replace("</mesh>", part.format(each))) for each in ("false", "true")]
+    frame = "<frame name='f'><pose>4 0 0 0 0 0</pose></frame>"
+    whole = model(*parts).replace("</model>", f"{frame}</model>")
+    (folder / "model.sdf").write_text(f"<sdf version='1.6'>{whole}</sdf>")
     gone = "<mesh><uri>model://gone/a.dae</uri></mesh>"
     plane = "<plane><normal>0 0 1</normal></plane>"
     robot = model(shape(BOX.format(1)), name="robot", more="<sensor name='s' type='ray'/>")
@@ -144,13 +154,19 @@ def test_includes_and_meshes_are_found_by_their_folders_and_missing_ones_named(t
             tmp_path,
             "<include><uri>model://table</uri><pose>5 0 1 0 0 0</pose></include>",
             "<include><uri>https://web/1.0/x/models/Chair</uri></include>",
+            # A model whose frame is placed, and one that was moved.
+            "<include><uri>model://table</uri><pose>9 0 0 0 0 0</pose>"
+            "<placement_frame>f</placement_frame></include>",
+            "<include><uri>model://table</uri><name>t</name><pose>0 0 0 0 0 0</pose></include>"
+            "<state><model name='t'><pose>7 0 0 0 0 0</pose></model></state>",
             model(shape(gone), shape(plane), shape(BOX.format(1), "<pose>0 0 9 0 0 0</pose>")),
             robot,
         )
-    assert outline(world).bounds == pytest.approx((4, -1, 6, 1)) and world.heights.max() == 2.0
+    assert outline(world).bounds == pytest.approx((4, -1, 8, 1)) and world.heights.max() == 2.0
     text = str(notes[0].message)
     for part in ("1 missing model (Chair)", "1 missing mesh file (gone/a.dae)", "1 ground plane",
-                 "1 shape of greater height", "1 shape of robots (robot)"):  # fmt: skip
+                 "1 shape of greater height", "1 shape of robots (robot)",
+                 "3 parts of a centred mesh"):  # fmt: skip
         assert part in text
 
 

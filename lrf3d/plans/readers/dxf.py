@@ -84,6 +84,7 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
     canvas.unit = unit * scale
     canvas.scale = scale
     canvas.scales = unit_scales(unit)
+    canvas.declared = code != 0
     config = Configuration(
         max_flattening_distance=canvas.tolerance,
         line_policy=LinePolicy.SOLID,

@@ -264,7 +264,8 @@ class _ElementPainter(NamedTuple):
         canvas.begin(element)
         rings = _outline(_tag(element), state, canvas.tolerance)
         dashed = style.get("stroke-dasharray", "none")
-        drawn = svgelements.Color(next(filter(_is_plain, map(style.get, ("stroke", "fill"))), ""))
+        paints = (style.get(key, "none") for key in ("stroke", "fill"))
+        drawn = _paint(next(filter(_is_plain, paints), ""))
         mark = Mark(
             None,
             state.layer,
@@ -272,7 +273,7 @@ class _ElementPainter(NamedTuple):
             dashed=re.search("[1-9]", dashed) is not None,
             colour="" if drawn.value is None else drawn.hexrgb,
         )
-        if not {"fill", "stroke", "fill-opacity"} & set(style):
+        if not ({"fill", "stroke"} & set(style) or element.get("fill-opacity")):
             for ring in rings:
                 canvas.line(ring, mark, state.clip)
             return
@@ -405,6 +406,8 @@ def _transform(style: dict[str, str], size: tuple[float, ...]) -> Float:
 
 
 def _matrix(text: str) -> Float:
+    if re.search(r"\([^()]*+\(", text):
+        raise WorldError(f"has brackets within brackets in transform {shown(text)}; save it again")
     m = svgelements.Matrix(text)
     return np.array([[m.a, m.c, float(m.e)], [m.b, m.d, float(m.f)], [0.0, 0.0, 1.0]])
 
@@ -465,12 +468,21 @@ def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[
     text = style.get("color", "black") if text.lower() == "currentcolor" else text
     if "url(" in text:
         return UNKNOWN, alpha
-    # svgelements takes numbers that only spaces or a slash separate for black.
-    colour = svgelements.Color(re.sub(r"(?<=[\d%])[\s/]+(?=[\d.])", ",", text))
+    colour = _paint(text)
     if text == "none" or colour.value is None:
         return 0.0, 0.0
     alpha *= colour.alpha / WHITE * _share(style.get(f"{key}-opacity", "1"))
     return alpha * contrast_to_white(colour.red, colour.green, colour.blue), alpha
+
+
+def _paint(text: str) -> Any:
+    """A colour, for svgelements: whole numbers between commas, and no alpha in percent."""
+    text = re.sub(r"/\s*(\d+)%", lambda alpha: f"/{float(alpha[1]) / 100:f}", text)
+    text = re.sub(r"(?<=[\d%])[\s/]+(?=[\d.])", ",", text)
+    if re.match(r"rgba?\([^%]+$", text):
+        channel = r"\d*\.?\d+(?:[eE][-+]?\d+)?"
+        text = re.sub(channel, lambda number: f"{float(number[0]):.0f}", text, count=3)
+    return svgelements.Color(text)
 
 
 def _is_for_all(choice: Element) -> bool:
@@ -479,6 +491,6 @@ def _is_for_all(choice: Element) -> bool:
     return not choice.get("requiredExtensions") and any(e[:2] == "en" for e in languages)
 
 
-def _is_plain(text: str | None) -> bool:
+def _is_plain(text: str) -> bool:
     """Whether a text names a colour, not a pattern."""
-    return text is not None and text != "none" and "url(" not in text
+    return text != "none" and "url(" not in text

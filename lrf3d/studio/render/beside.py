@@ -22,6 +22,7 @@ from lrf3d.studio.scene.found import (
 )
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
+from lrf3d.studio.scene.panel import metres
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
 from lrf3d.studio.scene.timeline import smoothed
 
@@ -109,6 +110,11 @@ class MapBeside:
         place = self.close.reshape(2, 2).mean(axis=0) - self._scene.origin
         return self.window._replace(middle=middle + share * (place - middle), width=width)
 
+    @property
+    def scale(self) -> float:
+        """Pixels to a metre; 0 where only a part of the world is shown."""
+        return self.size[0] / self.window.width * (self.window.middle is not None)
+
     def has_ended(self, time: float) -> bool:
         """Whether the map is whole at a time [s]."""
         timeline = self._scene.timeline
@@ -170,7 +176,7 @@ class MapBeside:
 
 
 class Comparison:
-    """Maps of one drive under other conditions, by their names, side by side under a title.
+    """Maps of one drive under other conditions, by their names, as large as fits under a title.
 
     In the end they come close to the wall that most of them miss, which the title then names.
     """
@@ -183,38 +189,53 @@ class Comparison:
         self._gap = gap_of(size)
         self._head = round((1.0 + _LESSER) * LINE * letter) + self._gap
         self._size = size
-        self._widths = np.diff(np.linspace(0, width, count + 1).astype(int)).tolist()
         # Each map has a name over it, and a number under it.
-        high = height - self._head - round(2.0 * LINE * letter) - self._gap
-        room = width // count - 2 * self._gap, high
+        text = round(2.0 * LINE * letter) + self._gap
         colours = look.PALE_WALL, look.TRAIL_COLOUR
-        self.maps = [
-            MapBeside(scene, room, letter, name, colours) for name, scene in scenes.items()
+        cells = [
+            (width // -(-count // rows), (height - self._head) // rows)
+            for rows in range(1, count + 1)
         ]
+        laid_out = [
+            [
+                MapBeside(scene, (max(wide - 2 * self._gap, 1), max(high - text, 1)), letter, *more)
+                for name, scene in scenes.items()
+                for more in [(name, colours)]
+            ]
+            for wide, high in cells
+        ]
+        # Fewer rows where more do not show the world larger.
+        self.maps, self._cell = max(
+            zip(laid_out, cells, strict=True),
+            key=lambda each: max([one.scale for one in each[0]], default=0.0),
+        )
         runs: list[Any] = [each.timeline.run for each in scenes.values()]
         close = missed_most(runs)
         for each in self.maps:
             each.close = close
-        sizes = [f"A wall of {100.0 * long:.0f} cm" for long in lengths(close)]
-        lost = [f"{each} is lost in the scatter of its hits" for each in sizes]
+        missed = sum((lost_after(run, len(run) - 1) == close).all(axis=1).any() for run in runs)
+        by = f"by {missed} of {len(runs)} maps"
+        lost = [f"A wall of {metres(long)} is missed {by}" for long in lengths(close).tolist()]
         self._heads = [
             [
                 row_of(((title, INK),), letter, width - 2 * self._gap),
                 row_of(((key, PALE),), _LESSER * letter, width - 2 * self._gap),
             ]
-            for title, key in zip((title, *lost, title), _KEYS, strict=False)
+            for title, key in zip(
+                (title, *lost, title), (_KEYS[0], _KEYS[len(close)]), strict=False
+            )
         ]
 
     def picture(self, time: float, draws: Iterable[Draw]) -> Pixels:
         """The maps (h, w, 3) at a time [s], each with what draws it."""
-        width, height = self._size
-        sides = zip(self.maps, draws, self._widths, strict=True)
-        columns = [
-            stacked(each.rows(time, draw), (wide, height - self._head), self._gap)
-            for each, draw, wide in sides
-        ]
         head = self._heads[int(self.maps[0].has_ended(time))]
-        return np.vstack([stacked(head, (width, self._head), self._gap), np.hstack(columns)])
+        picture = np.array(stacked(head, self._size, self._gap))
+        wide, high = self._cell
+        for number, (each, draw) in enumerate(zip(self.maps, draws, strict=True)):
+            row, column = divmod(number, self._size[0] // wide)
+            part = picture[self._head + row * high :, column * wide :]
+            part[:high, :wide] = stacked(each.rows(time, draw), self._cell, self._gap)
+        return picture
 
 
 def together(team: Mapping[str, Scene], time: float) -> tuple[str, ...]:
@@ -229,7 +250,9 @@ def together(team: Mapping[str, Scene], time: float) -> tuple[str, ...]:
         f"{name.capitalize()} alone: {len(own)} of {count}"
         for name, own in zip(team, found, strict=True)
     )
-    head = f"{len(team)} maps together: {all_found} of {count} walls found"
+    robots = max(1 + len(robots_of(scene.run.obstacles)) for scene in team.values())
+    of = f" of {robots}" * (robots > len(team))
+    head = f"{len(team)}{of} maps together: {all_found} of {count} walls found"
     return (head + false_words(sum(false)), *each_found) if count else ("",)
 
 

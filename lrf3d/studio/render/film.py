@@ -242,7 +242,8 @@ class Film:
         heads |= dict.fromkeys(("rise", "whole"), words[0])
         heads |= dict.fromkeys(SHOTS, words[(1 + view.robot) % len(words)])
         if head := heads.get(view.shot):
-            view = replace(view, said=(head, *view.said[1:]))
+            which = [f"here: {each.name}" for each in self._comparison.maps[:1]]
+            view = replace(view, said=(head, *which, *view.said[1:]))
         label = panel.panel(
             self.run,
             moment,

@@ -93,7 +93,7 @@ def render_video(
     stage = stage_of(run)
     others, compared = (
         {name: (each, stage_of(each)) for name, each in (some or {}).items()}
-        for some in (maps, columns)
+        for some in (maps, columns if chosen.view == "story" else None)
     )
     # Robots that drive at the same time light one world, whose frame goes with what each sees.
     frames = [(one.exposure, one.structures.origin) for _, one in others.values()]

@@ -70,8 +70,8 @@ _GOAL_RING = 0.9
 # Inner radius of that ring, in its outer one.
 _RING_INSIDE = 0.86
 
-# Colours of dynamic obstacles: strong, and none is the robot's orange.
-_OBSTACLE_COLOURS = [rgb(code, 2) for code in ("#2aa6bf", "#8f6fc4", "#b3ad3b", "#c9556e")]
+# Colours of dynamic obstacles: strong, and none is the robot's orange or the red of false walls.
+_OBSTACLE_COLOURS = [rgb(code, 2) for code in ("#2aa6bf", "#8f6fc4", "#b3ad3b", "#4fb060")]
 
 # Least half size of an obstacle from above, in darts, so that it can be seen.
 _LEAST = 0.3

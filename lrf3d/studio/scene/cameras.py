@@ -77,7 +77,7 @@ _LONGEST = 20.0
 _PAST = 0.5
 
 # Distance from the drive within which the path by odometry is shown, in extents of the drive.
-_ASTRAY = 1.5
+_ASTRAY = 0.8
 
 # Extent of a world from which on only what is near the drive is shown as the whole [m].
 _LARGEST_WORLD = 600.0

@@ -21,6 +21,9 @@ from lrf3d.world import World
 # Number of maps of a run of which the walls found are counted, about.
 _SCORED = 16
 
+# Share of its scans up to which those that hit a wall are few.
+_FEW = 0.1
+
 # The walls that the runs asked for last could see: those of a usual fleet.
 _WALLS = Latest(8)
 
@@ -64,7 +67,7 @@ def lost_after(run: Run, scan: int) -> Float:
 
 
 def lost_words(run: Run) -> str:
-    """How many walls its last map misses, and which: of glass, or hit in how many scans."""
+    """How many walls its last map misses, and why: they are of glass, or few scans hit them."""
     _, walls = visible_to(run)
     lost = walls[~found_after(run, len(run) - 1)]
     if not len(lost):
@@ -73,10 +76,12 @@ def lost_words(run: Run) -> str:
     clear = np.isin(lost, walls_of(run.world, lambda material: material.passes))
     if clear.any():
         return f"{words}, {clear.sum()} of glass"
-    hit = np.array([np.isin(lost, scan.walls[scan.hits]) for scan in run.scans]).sum(axis=0)
-    low = int(hit.min())
-    high = int(hit.max())
-    return f"{words}: hit in {f'{low} to ' * (low < high)}{high} of {len(run)} scans"
+    scans = [np.concatenate([o.walls[o.hits] for o in run.scans_at(k)]) for k in range(len(run))]
+    hit = np.array([np.isin(lost, walls) for walls in scans]).sum(axis=0)
+    if hit.max() > _FEW * len(run):
+        return words
+    least = f"{hit.min():,} to " * bool(hit.min() < hit.max())
+    return f"{words}, few hits: in {least}{hit.max():,} of {len(run):,} scans"
 
 
 def distances(run: Any, scan: int | None = None) -> str:

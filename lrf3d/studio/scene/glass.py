@@ -206,7 +206,7 @@ def _telling(run: Shown, number: int) -> list[TellingBeams]:
         words = f"{counted(int(met.sum()), 'beam')} that another robot stops"
         found.append(TellingBeams(words, ends[met], look.FALSE_COLOUR))
     bright = met_reflectors(run, number)
-    if len(bright) and not run.obstacles:
+    if len(bright) and not any(each.is_robot for each in run.obstacles):
         words = f"back from {counted(len(bright), 'reflector')}"
         found.append(TellingBeams(words, ends[bright], REFLECTED_COLOUR))
     return found

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import LEFT, Float, directions
+from lrf3d.geometry.lines import LEFT, Float, directions, lengths
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import Look
@@ -84,11 +84,14 @@ _TRAIL_FADE = 15.0
 # How much wider walls are that have the colour of their robot: of those, some are lost.
 _CLEARER = 1.5
 
-# Half the width of the ribbons along walls that the map misses, in the distance of the eye.
+# Half the width of ribbons along walls that the map misses, in the distance of the eye.
 _RIBBON = 0.004
 
 # Height of the pins that point at these, likewise.
 _PIN = 0.018
+
+# Number of pins at most, at the longest of these walls: more would hide the map.
+_PINS = 8
 
 # Diameter of a point of the inset [m], at least and at most [pixels of 720 lines].
 _SPOT = 0.1, (6.0, 12.0)
@@ -387,20 +390,20 @@ class Scene:
             yield "beams", "turned beam", turned
 
     def _lost(self, moment: Moment, view: Look) -> Soft | None:
-        """Ribbons along the walls that the map misses in the end, with pins; nothing hides them."""
+        """Ribbons along the walls that the map misses in the end, with some pins, on top."""
         # Robots share their walls.
         if view.shot != "end" or self._robots:
             return None
         run: Any = self.run
         lost = lost_after(run, moment.mapped) - np.tile(self.origin, 2)
+        lost = lost[np.argsort(-lengths(lost), kind="stable")]
         start, end = np.hsplit(lost, 2)
         aside = _RIBBON * view.away * directions(lost) @ LEFT
         quads = np.stack([start + aside, end + aside, end - aside, start - aside], axis=1)
         ribbons = np.insert(quads[:, [0, 1, 2, 0, 2, 3]], 2, self._height, axis=2)
-        tips = np.insert(0.5 * (start + end), 2, self._height, axis=1)
-        right, up, _ = view.pose[:3, :3].T
-        size = _PIN * view.away
-        pins = np.stack([tips, tips + size * (up - right), tips + size * (up + right)], axis=1)
+        tips = np.insert(0.5 * (start + end)[:_PINS], 2, self._height, axis=1)
+        right, up, _ = _PIN * view.away * view.pose[:3, :3].T
+        pins = np.stack([tips, tips + up - right, tips + up + right], axis=1)
         corners = np.concatenate([ribbons.reshape(-1, 3, 3), pins])
         colours = np.tile([*look.FALSE_COLOUR, 1.0], (len(corners), 3, 1))
         return Soft(single(corners), single(colours), on_top=True)
@@ -412,9 +415,8 @@ class Scene:
         if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
             return None
         dart = _MARKER * pixel
-        marks: Soft = together(
-            [bodies.flat_dart(pose, dart, self._height), *self.obstacles.from_above(time, dart)]
-        )
+        parts = [bodies.flat_dart(pose, dart, self._height), *self.obstacles.from_above(time, dart)]
+        marks: Soft = together(parts)
         return marks._replace(on_top=True)
 
     def inset(

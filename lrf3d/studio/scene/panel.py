@@ -81,15 +81,15 @@ def _closing(run: Run, moment: Moment, playback: float) -> str:
     removed = drift.removed[fresh[-1]]
     # What hardly moves the estimate is not seen to close.
     if removed < CLOSES:
-        return f"A known place again: {_metres(removed)} corrected"
-    return f"A loop closes: {_metres(removed)} of drift removed"
+        return f"A known place again: {metres(removed)} corrected"
+    return f"A loop closes: {metres(removed)} of drift removed"
 
 
 def _drift_of(run: Run, playback: float) -> Drift | None:
     return _DRIFTS.of((run, playback), partial(Drift.of, run, np.zeros(2), playback))
 
 
-def _metres(length: float) -> str:
+def metres(length: float) -> str:
     """A length in words, in centimetres below a metre."""
     return f"{length:.1f} m" if length >= 1.0 else f"{100.0 * length:.0f} cm"
 
@@ -187,8 +187,8 @@ def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]
     drift = _drift_of(run, playback)
     if drift is None or run.estimate is None:
         return []
-    loops = f"{counted(len(run.estimate.closures), 'loop closure')}: at a known place again"
-    alone = f"━ Odometry alone ends {_metres(drift.total)} off"
+    loops = f"{counted(len(run.estimate.closures), 'time')} at a known place again"
+    alone = f"━ Odometry alone ends {metres(drift.total)} off"
     return [(alone, _whole(GHOST_COLOUR)), (loops, _PALE)]
 
 

@@ -31,6 +31,9 @@ OPENING = 0.3
 # Largest share of a short run for which the first scan is shown.
 _FIRST_SHARE = 0.4
 
+# Least share of that time that is left where a proof begins earlier.
+_STILL = 0.5
+
 # Time for which the camera rises to the whole world [s of the film].
 RISE = 3.2
 
@@ -102,8 +105,10 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     moment = subject_of(timeline.run, playback).moment
     proven = -np.inf if moment is None else moment - _ROUNDING
     if proven > timeline.start + playback * first:
-        # The proof begins before its moment.
-        first = min(first, (proven - timeline.start) / playback - _BEFORE * _PROVEN)
+        # The proof begins before its moment, if the first scan is still seen.
+        before = (proven - timeline.start) / playback - _BEFORE * _PROVEN
+        if before >= _STILL * first:
+            first = min(first, before)
     opened = timeline.start + playback * first
     longer = (_SLOWER - 1.0) * (proven > opened)
     # A proof takes its time from the rise and from what follows.

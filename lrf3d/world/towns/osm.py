@@ -423,8 +423,9 @@ def trunks(places: Float, tags: Sequence[Tags], buildings: list[Any]) -> list[Fe
     houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
     near = houses.query(points, predicate="dwithin", distance=radii + 0.1)[0]
     # Of a tree that is mapped twice, the first one counts.
-    first, second = pairs_within(shapely.buffer(points, radii), 0.0, "trees")
-    once = {*range(len(radii))} - {*second[first < second].tolist()}
+    single = np.sort(np.unique(places, axis=0, return_index=True)[1])
+    first, second = pairs_within(shapely.buffer(points, radii)[single], 0.0, "trees")
+    once = {*single.tolist()} - {*single[second[first < second]].tolist()}
     turn = np.arange(7) % 6 * (2.0 * np.pi / 6)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
     return [

@@ -8,11 +8,13 @@ from test_estimate import estimated
 from test_render import city_run, needs_gl, room_run
 
 import lrf3d
+from lrf3d.studio.render.beside import Comparison
 from lrf3d.studio.render.film import Film, frame
 from lrf3d.studio.scene.found import hits_on, lost_after, missed_most
 from lrf3d.studio.scene.look import PLAN_BACK
-from lrf3d.studio.scene.moments import LAYERS
+from lrf3d.studio.scene.moments import LAYERS, Scene
 from lrf3d.studio.scene.stage.stage import stage_of
+from lrf3d.studio.scene.timeline import Timeline
 from lrf3d.studio.scene.views import film_times
 
 # Brightness below which a pixel is black, 0…255.
@@ -98,6 +100,9 @@ def test_the_wall_that_most_maps_miss_is_named_with_how_far_its_hits_scatter():
     # Noise shifts the same hits by more.
     assert np.array(off) / off[0] == pytest.approx([1.0, 6.0, 9.0])
     assert not len(missed_most(runs[:1]))
+    scenes = {str(number): Scene(Timeline(each), None, None) for number, each in enumerate(runs)}
+    for size, wide in (((640, 200), 213), ((200, 640), 200)):
+        assert Comparison(scenes, size, "")._cell[0] == wide
 
 
 def test_at_the_end_the_picture_is_all_there_is_and_missed_walls_are_red_in_it():

@@ -53,7 +53,7 @@ def test_maps_of_runs_stand_side_by_side_each_under_its_name(tmp_path):
     columns = {"one": run, "another name": run}
     path = tmp_path / "both.mp4"
     video.render_video(
-        run, path, size=(520, 240), fps=1, view="top", workers=1, columns=columns, part=(1.0, 1.0)
+        run, path, size=(520, 240), fps=1, view="story", workers=1, columns=columns, part=(4.0, 4.0)
     )
     (picture,) = read(path)[2]
     assert picture.shape == (240, 520, 3)

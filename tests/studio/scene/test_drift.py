@@ -117,6 +117,9 @@ def test_reflectors_are_the_subject_and_their_beams_are_told_from_near(material,
     assert [each.words for each in telling_beams(run, 4)] == beams
     assert all(words in legend for words in beams)
     assert "reflector" not in " ".join(said(run, "rise", time=8.0))
+    person = lrf3d.DynamicObstacle([[0, 0], [0.3, 0], [0, 0.3]], drive)
+    seen = telling_beams(replace(run, obstacles=(person,)), 4)
+    assert [each.words for each in seen] == beams
 
 
 def test_a_robot_that_a_map_takes_for_a_wall_is_the_subject_from_when_it_does():
