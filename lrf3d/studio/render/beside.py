@@ -197,12 +197,8 @@ class Comparison:
             for rows in range(1, count + 1)
         ]
         laid_out = [
-            [
-                MapBeside(scene, (max(wide - 2 * self._gap, 1), max(high - text, 1)), letter, *more)
-                for name, scene in scenes.items()
-                for more in [(name, colours)]
-            ]
-            for wide, high in cells
+            [MapBeside(scene, room, letter, name, colours) for name, scene in scenes.items()]
+            for room in np.maximum(np.array(cells) - [2 * self._gap, text], 1).tolist()
         ]
         # Fewer rows where more do not show the world larger.
         self.maps, self._cell = max(
