@@ -196,7 +196,7 @@ def test_a_drive_without_an_end_needs_a_number_of_scans(tmp_path):
 
 KILLED = """
 import sys, lrf3d
-sys.path.insert(0, {folder!r})
+sys.path = {path!r}
 import test_recording
 test_recording.recording.FLUSHED_EVERY = 0.0
 def progress(done, total):
@@ -211,7 +211,7 @@ lrf3d.record(test_recording.simulation(), sys.argv[1], resume=True, progress=pro
 def test_a_killed_process_loses_next_to_nothing(tmp_path):
     lrf3d.record(simulation(scans=SCANS), tmp_path / "whole.npz")
     path = tmp_path / "run.npz"
-    code = KILLED.format(folder=os.path.dirname(__file__))
+    code = KILLED.format(path=[os.path.dirname(__file__), *sys.path])
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", code, path], text=True, **pipes) as process:
         for line in process.stdout:
