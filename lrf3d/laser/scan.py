@@ -349,7 +349,8 @@ def doubtful_unit(ranges: Float) -> str | None:
         )
     # [m] What 19 of 20 ranges reach at least, wherever a robot has room to drive.
     smallest_most = 0.1
-    if len(ranges) and (most := float(np.quantile(ranges, 0.95))) < smallest_most:
+    measured = ranges[ranges > 0.0]
+    if len(measured) and (most := float(np.quantile(measured, 0.95))) < smallest_most:
         return (
             f"19 of 20 ranges are under {most:.2g} m: expected metres; metres may have been taken"
             " for the centimetres or millimetres of this format"
