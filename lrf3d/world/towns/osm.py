@@ -422,9 +422,13 @@ def trunks(places: Float, tags: Sequence[Tags], buildings: list[Any]) -> list[Fe
     # Maps are not as exact as a decimetre, and what touches a wall would be a part of it.
     houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
     near = houses.query(points, predicate="dwithin", distance=radii + 0.1)[0]
-    # Of a tree that is mapped twice, the first one counts.
-    single = np.sort(np.unique(places, axis=0, return_index=True)[1])
-    first, second = pairs_within(shapely.buffer(points, radii)[single], 0.0, "trees")
+    # Of a tree that is mapped twice, the first one counts. Of trunks of one size class whose
+    # centres are in one square as wide as the least of them, the second touches the first.
+    side = 2.0 ** np.floor(np.log2(radii))
+    squares = np.column_stack([side, np.floor(places / side[:, None])])
+    single = np.sort(np.unique(squares, axis=0, return_index=True)[1])
+    circles = shapely.buffer(points[single], radii[single])
+    first, second = pairs_within(circles, 0.0, "trees")
     once = {*single.tolist()} - {*single[second[first < second]].tolist()}
     turn = np.arange(7) % 6 * (2.0 * np.pi / 6)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
