@@ -262,7 +262,9 @@ def draw_map(
     words = _counts(line_map, len(stops), len(points))
     figure, (ax,) = metre_sheet([*_framing(world, line_map, points), *driven], 1, name, words)
     if world is not None:
-        plot.world(world, ax, poses=stops, **plot.BELOW)
+        # Without a map of its own, a drive was found on these walls, which may not be the truth.
+        named = plot.BELOW if len(line_map) else {**plot.BELOW, "label": "walls"}
+        plot.world(world, ax, poses=stops, **named)
     plot.points(points, ax)
     plot.map(line_map, ax, objects=objects)
     plot.paths(poses, estimate, ax)
