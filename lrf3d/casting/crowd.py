@@ -90,13 +90,12 @@ class Crowd:
 
     def hold(self, moves: Records, first: int = 0) -> None:
         """Let obstacles (k,) from the first on hold moves (k,), whatever their paths were."""
-        movers, _, legs = self.plain
-        some = movers[first : first + len(moves)]
+        some = self.plain[0][first : first + len(moves)]
         speeds = np.hypot(moves["ahead"], moves["left"])
         some["period"] = HELD
         some["fastest"] = speeds
         some["rim"] = speeds + np.abs(moves["turn"]) * some["reach"]
-        legs[some["leg"]] = moves
+        self.plain[2][some["leg"]] = moves
         self.near[2][some["leg"]] = self.as_seen(moves)
         self._moment[0] = math.nan
 

@@ -312,7 +312,6 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
 
     def _scan_of(self, sensor: Sensor) -> tuple[Float, Float, Int]:
         lrf = sensor.lrf
-        rng = self.np_random
         poses = sensor.lrf.placed(self.poses)
         if self.scenario.world.materials:
             # Intensities are of single scans.
@@ -333,13 +332,13 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
                 lrf.angles, sealed(truth), sealed(walls), lrf.range_min, lrf.range_max
             )
             scans = []
-        measured = sensor.noisy_ranges(batch, rng)
+        measured = sensor.noisy_ranges(batch, self.np_random)
         if measured is None:
             scans = scans or [
                 LaserScan.unchecked(lrf, Pose(*pose.tolist()), *row).at_time(time)
                 for pose, time, *row in zip(poses, self._times, truth, walls, strict=True)
             ]
-            measured = np.array([sensor.noisy(scan, rng).ranges for scan in scans])
+            measured = np.array([sensor.noisy(scan, self.np_random).ranges for scan in scans])
         return measured, batch.ranges, batch.walls
 
     def _observe(self) -> Observation:

@@ -321,31 +321,40 @@ def _stop_fan(
     The room is for a view, its obstacles and the sides of one. ``seen`` holds the height of the
     laser, and the robot's own obstacle, which is left out; the row of a side may be UNDECIDED.
     """
-    row, low, high = met
-    view, some, sides = room
     first, last, first_row, last_row = cells_of(grid, box)
     for away in range(last_row - first_row + 1):
         # From the near cells to the far ones, as near obstacles hide others.
         at = first_row + away if fan.ahead_y > 0.0 else last_row - away
-        start, stop = members(grid, at, first, last)
-        for base in range(start, stop, BATCH):
-            for place in range(_view(grid.places, base, min(BATCH, stop - base), fan, view, some)):
-                k = some[place]
-                j = grid.order[base + k]
-                mover = among.movers[j]
-                for i in range(int(view[FIRST + k]), int(view[STOP + k])):
-                    if high[i] < view[NEAR + k] or row[i] == UNDECIDED:
-                        continue
-                    beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
-                    across = beam.dx * view[NORTH + k] - beam.dy * view[EAST + k]
-                    # The height comes last, as it is rarely in the cache.
-                    if abs(across) > view[WIDE + k] or j == seen[1] or mover.height < seen[0]:
-                        continue
-                    doubt = 4.0 * FILTER * (view[NEAR + k] + 2.0 * view[WIDE + k])
-                    before = Nearest(row[i], low[i], high[i])
-                    row[i], low[i], high[i] = _meet_clearly(
-                        among.sides, mover.first, mover.stop, beam, doubt, before, sides
-                    )
+        _stop_by(among, grid, members(grid, at, first, last), fan, room, met, seen)
+
+
+@borrower
+def _stop_by(
+    among: Movers, grid: MoverGrid, part: tuple[int, int], fan: Fan,
+    room: tuple[Float, Int, Int], met: tuple[Int, Float, Float], seen: tuple[float, int],
+) -> None:  # fmt: skip
+    """Let a part of the obstacles in the order of the grid stop beams: see `_stop_fan`."""
+    row, low, high = met
+    view, some, sides = room
+    start, stop = part
+    for base in range(start, stop, BATCH):
+        for place in range(_view(grid.places, base, min(BATCH, stop - base), fan, view, some)):
+            k = some[place]
+            j = grid.order[base + k]
+            mover = among.movers[j]
+            for i in range(int(view[FIRST + k]), int(view[STOP + k])):
+                if high[i] < view[NEAR + k] or row[i] == UNDECIDED:
+                    continue
+                beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
+                across = beam.dx * view[NORTH + k] - beam.dy * view[EAST + k]
+                # The height comes last, as it is rarely in the cache.
+                if abs(across) > view[WIDE + k] or j == seen[1] or mover.height < seen[0]:
+                    continue
+                doubt = 4.0 * FILTER * (view[NEAR + k] + 2.0 * view[WIDE + k])
+                before = Nearest(row[i], low[i], high[i])
+                row[i], low[i], high[i] = _meet_clearly(
+                    among.sides, mover.first, mover.stop, beam, doubt, before, sides
+                )
 
 
 @borrower
@@ -406,10 +415,9 @@ def _lengths(fan: Fan, sides: Records, row: Int, walls: Float, lengths: Float) -
 @inner
 def _met_exactly(among: Movers, beam: Beam, limit: float, seen: tuple[float, int]) -> int:
     """The row of the nearest side that a beam meets up to a limit [m], of all obstacles, or −1."""
-    height, own = seen
     nearest = Nearest(-1, np.inf, limit)
     for j in range(len(among.movers)):
-        if j != own and among.movers[j].height >= height:
+        if j != seen[1] and among.movers[j].height >= seen[0]:
             nearest = meet(among, j, beam, nearest)
     return nearest.row
 
