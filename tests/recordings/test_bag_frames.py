@@ -19,9 +19,8 @@ from bags import (
 )
 
 import lrf3d
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, load_log
 from lrf3d.laser import Stamp
-from lrf3d.recordings import load_log
 from lrf3d.recordings.formats.bags.contents import ODOMETRY, POSE, SCAN, TRANSFORMS
 
 TURNS = {"upright": (0, 0, 0, 1), "upside down": (1, 0, 0, 0), "left": (0, 0, 0.5**0.5, 0.5**0.5)}

@@ -7,7 +7,6 @@ import pytest
 from drives import drive, path_of
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings.log import LaserLog, WheelRecord
 from lrf3d.recordings.repair.jumps import without_jumps
@@ -157,7 +156,7 @@ def test_odometry_in_degrees_is_refused(recorded):
     log, _ = recorded
     poses = log.wheels.poses.copy()
     poses[:, 2] = np.degrees(np.unwrap(poses[:, 2]))
-    with pytest.raises(InputError, match=r"degrees|radians"):
+    with pytest.raises(lrf3d.InputError, match=r"degrees|radians"):
         solve_log(replace(log, wheels=replace(log.wheels, poses=poses)))
 
 
@@ -229,7 +228,7 @@ def test_odometry_that_jumps_everywhere_is_refused(recorded):
     log, _ = recorded
     rng = np.random.default_rng(0)
     wheels = replace(log.wheels, poses=rng.normal(0.0, 1000.0, (COUNT, 3)))
-    with pytest.raises(InputError, match=r"jumps at \d+ of 100 lines, first at line 1; expected"):
+    with pytest.raises(lrf3d.InputError, match=r"jumps at \d+ of 100 lines, first at line 1; exp"):
         solve_log(replace(log, wheels=wheels))
 
 

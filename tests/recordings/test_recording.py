@@ -136,10 +136,11 @@ def test_a_damaged_journal_is_valid_up_to_the_damage(damage, scans_left, stopped
 
 
 @pytest.mark.parametrize("state", [b"{", b"{}", b"[]", b"\xff", b'{"bit_generator": "PCG64"}'])
-def test_a_journal_with_an_invalid_state_of_the_random_numbers_is_refused(state, stopped, tmp_path):
+def test_a_journal_with_an_invalid_state_of_the_random_numbers_is_refused(
+    state, stopped, written, tmp_path
+):
     _, data, _ = stopped
-    journal = tmp_path / "run.journal"
-    journal.write_bytes(data[: -recording.RNG_BYTES] + state.ljust(recording.RNG_BYTES, b"\0"))
+    written("run.journal", data[: -recording.RNG_BYTES] + state.ljust(recording.RNG_BYTES, b"\0"))
     with pytest.raises(InputError, match=r"run\.journal: .* after scan 55 .*leave out --resume"):
         lrf3d.record(simulation(scans=60), tmp_path / "run.npz", resume=True)
 

@@ -10,7 +10,6 @@ import shapely
 from drives import drive, errors, path_of, rooms, solved, through
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings import LaserLog
 from lrf3d.recordings.repair.repairs import figures_of
@@ -187,7 +186,7 @@ def test_a_scan_after_a_quick_turn_is_placed_by_the_laser_alone():
 @pytest.mark.slow
 def test_scans_too_far_apart_to_follow_without_odometry_are_refused():
     scans, _, _ = drive(rooms(3), through(3), lrf=ROUND)
-    with pytest.raises(InputError, match=r"alone: .* of \d+ scans match nothing .* odometry"):
+    with pytest.raises(lrf3d.InputError, match=r"alone: .* of \d+ scans match nothing .* odometry"):
         solve_log(alone(scans[::12]))
 
 

@@ -5,16 +5,12 @@ import pytest
 from estimates import estimated
 from test_render import box, city_run, needs_gl, run_of
 
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.mapping import LineMap
-from lrf3d.robot import Trajectory
-from lrf3d.simulation.run import Run
+from lrf3d import LaserRangeFinder, LineMap, Run, Trajectory, World
 from lrf3d.studio.gltf import run_glb
 from lrf3d.studio.page.session import PageSession, Wanted
 from lrf3d.studio.scene.look import SECTION
 from lrf3d.studio.scene.stage.stage import paint_stage, stage_of
 from lrf3d.studio.scene.stage.structures import SIGHT_DISTANCE, Sight, Structures
-from lrf3d.world import World
 
 FAR = 1e7
 
