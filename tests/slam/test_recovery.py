@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from drives import drive, errors, path_of, rooms, solved, through
+from drives import HALL, drive, errors, path_of, rooms, solved, through
 
 import lrf3d
 from lrf3d.geometry.pose import between, compose
@@ -170,13 +170,7 @@ def test_distances_that_the_laser_alone_does_not_see_are_reported():
 
 
 def test_a_scan_after_a_quick_turn_is_placed_by_the_laser_alone():
-    hall = lrf3d.World(
-        [
-            *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
-            *([3, 2, 3.5, 2], [6, 5, 6, 4.2], [2, 5.5, 2.6, 5.1], [7, 1.5, 7.4, 1.9]),
-        ]
-    )
-    scans, _, true = drive(hall, [(2, 3.5), (8, 3.5)], lrf=replace(ROUND, beams=361))
+    scans, _, true = drive(HALL, [(2, 3.5), (8, 3.5)], lrf=replace(ROUND, beams=361))
     turned = [replace(s, angles=s.angles - 1.4 * (k >= 15)) for k, s in enumerate(scans)]
     moved = between(true[14], true[15:])
     found = solve_log(alone(turned)).poses
