@@ -1,6 +1,6 @@
-"""Units of the numbers in recordings, as factors to those of lrf3d: s, m and rad."""
+"""Units of the numbers in files of others, as factors to those of lrf3d: s, m and rad."""
 
-import numpy as np
+import math
 
 # A millimetre [m], a millisecond [s].
 MILLI = 1e-3
@@ -11,22 +11,27 @@ MICRO = 1e-6
 # A nanosecond [s].
 NANO = 1e-9
 
+# Units other than metres in which plans and meshes are made, by their size [m].
+METRES = {"mm": MILLI, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "km": 1000.0}
+INCH = METRES["in"]
+FOOT = METRES["ft"]
+
 # Units of times; the first one of each kind is that of lrf3d.
 TIMES = {"s": 1.0, "ms": MILLI, "us": MICRO, "ns": NANO, "days": 86400.0}
 
 # Units of lengths.
 LENGTHS = {
     "m": 1.0,
-    "cm": 1e-2,
+    "cm": METRES["cm"],
     "mm": MILLI,
-    "ft": 0.3048,
-    "feet": 0.3048,
-    "inch": 0.0254,
-    "inches": 0.0254,
+    "ft": FOOT,
+    "feet": FOOT,
+    "inch": INCH,
+    "inches": INCH,
 }
 
 # Units of angles.
-ANGLES = {"rad": 1.0, "deg": np.pi / 180}
+ANGLES = {"rad": 1.0, "deg": math.pi / 180}
 
 # Numbers have no unit.
 COUNTS = {"": 1.0}

@@ -216,7 +216,7 @@ class KnownPlaces:
         """Poses (k, 3) spread evenly over the map."""
         count = 100
         chosen = np.linspace(0, len(self._positions) - 1, min(count, len(self._positions)))
-        golden = np.pi * (3.0 - np.sqrt(5.0))  # Multiples of this angle are spread evenly.
+        golden = np.pi * (3 - np.sqrt(5))  # Multiples of this angle are spread evenly.
         headings = wrap_angle(golden * np.arange(len(chosen)))
         return self._poses(self._positions[chosen.astype(np.int64)], headings)
 
