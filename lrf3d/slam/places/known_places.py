@@ -260,9 +260,8 @@ class KnownPlaces:
             poses.append(self._poses(self._positions[best], headings[turned]))
         ranked = np.concatenate(poses)[np.argsort(-np.concatenate(scored), kind="stable")]
         most_climbed = 120  # Largest number of poses from which the score is climbed.
-        next_peak = 0.5  # Least distance between them [m],
-        next_turn = 0.15  # or turn [rad].
-        return ranked[distinct(ranked, next_peak, next_turn, most_climbed)]
+        # Peaks are half as far apart as places.
+        return ranked[distinct(ranked, 0.5 * APART, 0.5 * TURNED, most_climbed)]
 
 
 def _scaled(hits: Records, scale: float) -> Records:
