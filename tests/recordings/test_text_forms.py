@@ -345,6 +345,17 @@ def test_the_cosine_of_a_heading_is_no_heading(written):
     assert not load_log(path).placed
 
 
+def test_increments_and_times_between_scans_are_added_up(written):
+    path = written("drive.csv", joined(["0.2", "0.05", "0.2", *row[4:]] for row in ROWS))
+    log = load_log(path, format="dt:s@1, dx:m@2, dtheta:rad@3, ranges:m@4")
+    assert log.times == pytest.approx(0.2 * np.arange(1, COUNT + 1))
+    # Steps along chords of a circle, each along the heading of its middle.
+    middles = 0.2 * np.arange(COUNT) + 0.1
+    assert log.poses[-1] == pytest.approx(
+        [0.05 * np.cos(middles).sum(), 0.05 * np.sin(middles).sum(), 0.2 * COUNT]
+    )
+
+
 def test_stamps_of_readings_are_no_messages(written):
     path = written("lidar.txt", "\n".join(
         f"stamp:{17 + k}00000000000000000,angle:{b}.0000,distance(mm):{1000 * r:.0f},intensity:212"
