@@ -21,8 +21,8 @@ from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline, interpolate
 # Colour of all that is where odometry alone puts it.
 GHOST_COLOUR = rgb("#ff4d26")
 
-# Least drift round a loop that is seen, in the extent of the loop.
-_SEEN = 0.03
+# Least drift that is seen where a loop closes, in the extent of the loop, which is the most.
+_SEEN = 0.06
 
 # Least area that a loop encloses, in that of a circle as long: what goes round twice has half.
 _ROUND = 0.6
@@ -85,21 +85,21 @@ class Drift(NamedTuple):
 
 
 def _loop(poses: Float, alone: Float, closures: Int) -> tuple[int, int] | None:
-    """The first of the largest loops of a path, if odometry alone (k, 3) is seen to miss it."""
+    """The first of the largest loops of a path that odometry alone (k, 3) is seen to miss."""
     places = poses[:, :2]
     steps = np.hypot(*np.diff(places, axis=0).T)
     driven = np.append(0.0, np.cumsum(steps))
     swept = np.append(0.0, np.cumsum(cross(places[:-1], places[1:])))
     first, last = np.sort(closures, axis=1)[np.argsort(closures.max(axis=1), kind="stable")].T
     areas = 0.5 * np.abs(swept[last] - swept[first] + cross(places[last], places[first]))
-    areas *= 4.0 * np.pi * areas > _ROUND * (driven[last] - driven[first]) ** 2
+    extents = np.sqrt(areas)
+    off = np.hypot(*(alone - poses)[last, :2].T)
+    seen = (off > _SEEN * extents) & (off < extents)
+    areas *= seen & (4.0 * np.pi * areas > _ROUND * (driven[last] - driven[first]) ** 2)
     if not areas.max(initial=0.0):
         return None
     best = int(np.argmax(areas >= _LARGE * areas.max()))
-    begins, closes = int(first[best]), int(last[best])
-    off = np.hypot(*(alone[closes] - poses[closes])[:2])
-    extent = np.ptp(places[begins : closes + 1], axis=0).max()
-    return (begins, closes) if off > _SEEN * extent else None
+    return int(first[best]), int(last[best])
 
 
 class Astray:

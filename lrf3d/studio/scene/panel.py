@@ -42,9 +42,6 @@ _PALE = (184, 196, 216)
 # All shots of the film's own cameras.
 _SHOTS = ("wave", "rise", "whole", "chase", "close", "proof")
 
-# How long the card begins with how far odometry alone is off, if that is seen [s of the film].
-_AT_FIRST = 1.2
-
 # The card of the run that was asked for last.
 _CARDS = Latest()
 
@@ -95,8 +92,7 @@ def panel(
     Robots have names where each has a map, the run's own first.
     """
     if has_card(run, moment, view):
-        since = (moment.now - run.trajectory.times.max()) / playback
-        return _CARDS.of((run, since < _AT_FIRST), partial(_card, run, playback, since < _AT_FIRST))
+        return _CARDS.of(run, partial(_card, run, playback))
     head, *said = view.said or [""]
     head = head or _caption(run, moment, view.shot, playback)
     if full:
@@ -136,8 +132,8 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
     ]
 
 
-def _card(run: Run, playback: float, first: bool) -> Label:
-    """What was found in the end, of the visible walls if the truth is known; at first the drift."""
+def _card(run: Run, playback: float) -> Label:
+    """What was found in the end: of the visible walls, if the truth is known."""
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
     if not run.maps:
@@ -155,12 +151,8 @@ def _card(run: Run, playback: float, first: bool) -> Label:
     missed = [(f"{NAMED} {lost}", _whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
     told = [(subject.found, _INK)] * bool(subject.found)
-    drifted = _drifted(run)
-    if subject.since is not None and first:
-        told += drifted[:1]
-        drifted = drifted[1:]
     colour = _PALE if told else _INK
-    return _label([*told, (found, colour), *missed, *drifted, (rest, _PALE)], SIZE)
+    return _label([*told, (found, colour), *missed, *_drifted(run), (rest, _PALE)], SIZE)
 
 
 def _drifted(run: Run) -> list[tuple[str, tuple[int, int, int]]]:

@@ -14,7 +14,7 @@ from lrf3d.studio.scene.glass import Panes, at_glass, bounced, some_beams, telli
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import subject_of
-from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.studio.scene.timeline import Timeline, interpolated
 
 
 def said(run, shot="chase", *, time=1.0):
@@ -26,10 +26,7 @@ def said(run, shot="chase", *, time=1.0):
 def drifting(closures):
     """A run round a square, whose odometry has another frame and is off by 0.1 m a scan."""
     corners = np.array([[1.0, 1.0], [3.0, 1.0], [3.0, 3.0], [1.0, 3.0], [1.0, 1.2], [1.0, 1.1]])
-    places = np.column_stack(
-        [np.interp(np.arange(0.0, 5.1, 0.5), np.arange(6), corners.T[k]) for k in (0, 1)]
-    )
-    poses = np.insert(places, 2, 0.0, axis=1)
+    poses = np.insert(interpolated(np.arange(0.0, 5.1, 0.5), np.arange(6), corners), 2, 0.0, axis=1)
     room = lrf3d.load_world("paper_room")
     run = lrf3d.simulate(room, lrf3d.Trajectory(np.arange(len(poses)), poses), rng=0)
     slipped = poses + np.arange(len(run))[:, None] * [0.0, 0.1, 0.0]
@@ -41,21 +38,16 @@ def drifting(closures):
 def test_odometry_alone_drifts_round_a_loop_and_what_was_hit_comes_back_in_the_end():
     run = drifting([(0, 2), (8, 0)])
     drift = Drift.of(run, np.zeros(2))
-    assert drift.loop == (0, 8)
-    assert drift.off(8.0) == pytest.approx(0.8) and drift.off(np.inf) == pytest.approx(1.0)
+    assert drift.loop == (0, 8) and drift.off(8.0) == pytest.approx(0.8)
     subject = subject_of(run, 1.0)
     assert (subject.since, subject.moment) == (0.0, 8.0)
     assert subject.after == "Back after 7.8 m: odometry is 80 cm off"
-    alone = "━ Odometry alone ends 1.0 m off"
-    assert said(run, "end")[0] == alone and said(run, "end", time=15.0)[1] == alone
+    assert said(run, "end")[1] == "━ Odometry alone ends 1.0 m off"
     hits = [scan.points() for scan in run.scans]
     moved = np.repeat(0.1 * np.arange(len(run)), [len(each) for each in hits])
-    astray = Astray(run, drift)
-    for share in (0.0, 0.5, 1.0):
-        places = astray.points(len(run), share, 1.0).places[:, :2]
-        expected = np.concatenate(hits) + (1.0 - share) * moved[:, None] * [0.0, 1.0]
-        assert places == pytest.approx(expected, abs=1e-4)
-    assert len(astray.points(0, 0.0, 1.0).places) == len(hits[0])
+    x, y, _ = Astray(run, drift).points(len(run), 0.25, 1.0).places.T
+    back = np.column_stack([x, y - 0.75 * moved])
+    assert back == pytest.approx(np.concatenate(hits), abs=1e-4)
     # Neither there and back is a loop, nor one that odometry alone closes, too.
     assert Drift.of(drifting([(0, 2)]), np.zeros(2)).loop is None
     calm = replace(run, estimate=replace(run.estimate, odometry=run.estimate.poses))
