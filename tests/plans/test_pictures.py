@@ -61,20 +61,20 @@ class Sheet:
         return load_world(path, resolution=SIDE, **how)
 
 
+@pytest.fixture
+def sheet():
+    """A sheet with the walls of the plan."""
+    sheet = Sheet()
+    sheet.walls()
+    return sheet
+
+
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
     """The world of the walls alone."""
     sheet = Sheet()
     sheet.walls()
     return sheet.read(tmp_path_factory.mktemp("plain"))
-
-
-@pytest.fixture
-def sheet():
-    """A sheet with the walls alone."""
-    found = Sheet()
-    found.walls()
-    return found
 
 
 def off(world, high=2.0):

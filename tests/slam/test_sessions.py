@@ -10,7 +10,6 @@ from program import told
 from scipy.ndimage import binary_dilation
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import wrap_angle
 from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings.formats.carmen_writer import write_log
@@ -63,6 +62,13 @@ def test_a_drive_is_found_on_a_plan_and_on_a_map_without_a_first_pose(kind):
     assert stretch.first < 20 and stretch.last > len(found.poses) - 20 and not stretch.carried
     assert stretch.probability >= 0.99
     assert apart.max() < 0.2 and turned.max() < 0.05
+    assert found.map_scale == 1.0
+
+
+@pytest.mark.parametrize("scale", [0.96, 1.04])
+def test_a_map_of_another_size_than_the_drive_is_noticed(scale):
+    found = lrf3d.localise_log(ROOMS.scaled(scale), log_of(drive(ROOMS, BACK, seed=3)))
+    assert len(found.stretches) == 1 and found.map_scale == pytest.approx(scale, abs=0.011)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5])
@@ -119,7 +125,7 @@ def test_a_second_drive_continues_the_map_of_the_first(tmp_path):
     second = drive(ROOMS, [*ROUTE[2:], *BACK], seed=6, bias=0.0)
     log = recorded(*second[:2], name="second")
     before = lrf3d.slam_log(recorded(*first[:2], name="first"))
-    with pytest.raises(InputError, match="found nowhere on the map of first with certainty"):
+    with pytest.raises(lrf3d.InputError, match="found nowhere on the map of first with certainty"):
         lrf3d.slam_log(recorded(*drive(ELSEWHERE, [(1, 1), (4, 3), (5.5, 7)])[:2]), on=before)
     lrf3d.save_run(before, tmp_path / "run.npz")
     run = lrf3d.slam_log(log, on=tmp_path)
@@ -187,9 +193,9 @@ def test_known_pairs_of_scans_close_loops_or_rule_them_out():
     edge = (ends == [first, second]).all(axis=1)
     assert said.slam.edges["may_be_wrong"][edge].tolist() == [False]
     assert np.hypot(*(said.poses - true)[:, :2].T).max() < 0.15
-    with pytest.raises(InputError, match="close 5:6: these scans show nothing"):
+    with pytest.raises(lrf3d.InputError, match="close 5:6: these scans show nothing"):
         solve_log(log, close=[(5, 6)])
-    with pytest.raises(InputError, match="close 5:2000: expected scans from 0 to"):
+    with pytest.raises(lrf3d.InputError, match="close 5:2000: expected scans from 0 to"):
         solve_log(log, close=[(5, 2000)])
 
 

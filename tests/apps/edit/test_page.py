@@ -76,6 +76,10 @@ def test_a_world_is_drawn_from_nothing_by_mouse_and_keyboard(tmp_path, chromium)
         page.keyboard.press("g")
         click(page, 7, 5)
         until(lambda: read_edits(journal).as_dict().get("robot", {}).get("route"))
+        page.keyboard.press("k")
+        drag(page, (6.5, 2.5), (7.5, 3.5))
+        until(lambda: read_edits(journal).as_dict().get("keep_out"))
+        assert len(read_edits(journal).as_dict()["keep_out"][0]["points"]) == 4
         until(lambda: page.inner_text(".lrf3d-rooms") == "2 rooms, 2 reached")
         until(lambda: page.evaluate("(editor.sheet.route ?? []).length > 1"))
 
@@ -113,9 +117,8 @@ def test_what_is_named_under_the_mouse_is_what_is_selected_and_erased(tmp_path, 
 
 
 @needs_browser
-def test_a_drawing_is_scaled_and_what_was_misunderstood_is_corrected(tmp_path, chromium):
-    path = tmp_path / "room.svg"
-    path.write_text(DRAWING)
+def test_a_drawing_is_scaled_and_what_was_misunderstood_is_corrected(written, tmp_path, chromium):
+    path = written("room.svg", DRAWING)
     journal = tmp_path / "room.svg.edit.toml"
     with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
         page.keyboard.press("s")
