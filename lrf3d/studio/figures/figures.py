@@ -240,7 +240,8 @@ def draw_map(
 ) -> Figure:
     """Draw a map, each object in its colour, over returns (n, 2) and true walls (Fig. 7).
 
-    A run brings all that follows along. Where a pose (k, 3) is NaN, the path is broken;
+    A run brings all that follows along. Below the title stands its second line, or what is drawn is
+    counted. Where a pose (k, 3) is NaN, the path is broken;
     `lrf3d.plot.estimate` also draws the loop closures of an estimate.
     """
     objects = None
@@ -258,8 +259,9 @@ def draw_map(
     estimated = poses if estimate is None else estimate.poses
     stops = poses[np.isfinite(poses[:, 0])]
     driven = [stops[:, :2], estimated[np.isfinite(estimated[:, 0]), :2]]
-    name = title or (world.name if world is not None else "") or "map"
-    words = _counts(line_map, len(stops), len(points))
+    title = title or (world.name if world is not None else "") or "map"
+    name, _, words = title.partition("\n")
+    words = words or _counts(line_map, len(stops), len(points))
     figure, (ax,) = metre_sheet([*_framing(world, line_map, points), *driven], 1, name, words)
     if world is not None:
         # Without a map of its own, a drive was found on these walls, which may not be the truth.
