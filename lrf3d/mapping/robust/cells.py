@@ -127,8 +127,11 @@ class Cells(NamedTuple):
 
     @classmethod
     def of_size(cls, size: int) -> "Cells":
-        """No cells, with room for this number of squares, and more of blocks and clusters."""
-        blocks = 4 * size
+        """No cells, with room for this number of squares, and more of blocks and clusters.
+
+        Room that is not taken takes no memory but addresses.
+        """
+        blocks = 16 * size
         cells = SIDE * SIDE
         counters = np.zeros(1, COUNTERS)
         counters["blocks"] = counters["clusters"] = 1
@@ -136,12 +139,12 @@ class Cells(NamedTuple):
             np.full(2 * size, EMPTY), np.zeros(2 * size, np.int64),
             np.zeros((size, 64), np.int32), np.zeros((blocks, PASS_DIRECTIONS, cells), np.uint8),
             np.zeros((blocks, cells), np.uint16), np.zeros((blocks, cells), np.int32),
-            np.zeros(16 * size, CLUSTER), counters,
+            np.zeros(64 * size, CLUSTER), counters,
         )  # fmt: skip
 
-    def doubled(self) -> "Cells":
-        """The same with room for twice as many."""
-        grown = Cells.of_size(2 * len(self.blocks))
+    def enlarged(self) -> "Cells":
+        """The same with room for four times as many: copies take long."""
+        grown = Cells.of_size(4 * len(self.blocks))
         taken = self.counters[0]
         grown.blocks[: taken.squares] = self.blocks[: taken.squares]
         for name in ("passes", "passed", "heads"):

@@ -88,8 +88,6 @@ def add_beams(
     """
     x, y = place
     units, ranges, deviations = beams
-    passes = cells.passes
-    passed_ways = cells.passed
     counters = cells.counters[0]
     if begin == 0:
         counters.scans += 1
@@ -113,45 +111,42 @@ def add_beams(
         enters = 0
         exits = min(across, up)
         last = int(2.0 * free * scale)
-        # A packed cell that is in another block than this one makes the loop look the block up.
-        block = 0
-        inside = cell ^ LEAVES
         bit = np.uint16(1 << way)
         # A beam passes a cell if it is free up to the middle of its path through the cell.
         while enters + exits <= last:
-            if (cell ^ inside) & LEAVES:
-                column = (cell & ((1 << ROW_BITS) - 1)) - (1 << 31)
-                row = cell >> ROW_BITS
-                block = take_block(cells, column, row)
-                if block < 0:
-                    # Nothing was hit around here: on to the next square.
-                    wide_out = side - (column & side) if right > 0 else column & side
-                    high_out = side - (row & side) if ahead > 0 else row & side
-                    enters = min(across + wide_out * wide, up + high_out * high)
-                    columns = _steps_out(across, wide, enters)
-                    rows = _steps_out(up, high, enters)
-                    cell += right * columns + ahead * rows
-                    across += wide * columns
-                    up += high * rows
-                    exits = min(across, up)
-                    inside = cell ^ LEAVES
-                    continue
-                inside = cell
-            at = (((cell >> ROW_BITS) & (SIDE - 1)) << SIDE_BITS) | (cell & (SIDE - 1))
-            count = passes[block, way, at]
-            if count & MOST_PASSES == 0:
-                passed_ways[block, at] |= bit
-            if count & SOLID:
-                contradict(cells, block, way, at, dx, dy, walls)
-            elif count < MOST_PASSES:
-                passes[block, way, at] = count + 1
-            enters = exits
-            # Choices instead of a branch, which no processor could predict.
-            crosses = across < up
-            cell += right if crosses else ahead
-            across += wide if crosses else 0
-            up += 0 if crosses else high
-            exits = min(across, up)
+            column = (cell & ((1 << ROW_BITS) - 1)) - (1 << 31)
+            row = cell >> ROW_BITS
+            block = take_block(cells, column, row)
+            if block < 0:
+                # Nothing was hit around here: on to the next square.
+                wide_out = side - (column & side) if right > 0 else column & side
+                high_out = side - (row & side) if ahead > 0 else row & side
+                enters = min(across + wide_out * wide, up + high_out * high)
+                columns = _steps_out(across, wide, enters)
+                rows = _steps_out(up, high, enters)
+                cell += right * columns + ahead * rows
+                across += wide * columns
+                up += high * rows
+                exits = min(across, up)
+                continue
+            passes = cells.passes[block, way]
+            passed_ways = cells.passed[block]
+            inside = cell
+            while enters + exits <= last and not (cell ^ inside) & LEAVES:
+                at = (((cell >> ROW_BITS) & (SIDE - 1)) << SIDE_BITS) | (cell & (SIDE - 1))
+                count = passes[at]
+                if count & MOST_PASSES == 0:
+                    passed_ways[at] |= bit
+                passes[at] = count + (count < MOST_PASSES)
+                if count & SOLID:
+                    contradict(cells, block, way, at, dx, dy, walls)
+                enters = exits
+                # Choices instead of a branch, which no processor could predict.
+                crosses = across < up
+                cell += right if crosses else ahead
+                across += wide if crosses else 0
+                up += 0 if crosses else high
+                exits = min(across, up)
         if reading > 0.0:
             add_hit(cells, place, beams, beam, turn, walls, unowned)
     return len(ranges)
