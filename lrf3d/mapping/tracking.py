@@ -77,13 +77,10 @@ def _paired(first: Int, second: Int, shared: Float, count: int) -> Int:
     result = np.full(count, -1, np.int64)
     if not len(first):
         return result
-    # One number for each pair: they sort ten times as fast as rows.
-    most = int(second.max()) + 1
-    pairs, pair = np.unique(first * most + second, return_inverse=True)
-    total = np.bincount(pair, weights=shared)
+    pairs, pair = np.unique(np.column_stack([first, second]), axis=0, return_inverse=True)
+    total = np.bincount(pair.reshape(-1), weights=shared)
     taken: set[int] = set()
-    for both in pairs[np.argsort(-total, kind="stable")].tolist():
-        one, other = divmod(both, most)
+    for one, other in pairs[np.argsort(-total, kind="stable")].tolist():
         if result[one] < 0 and other not in taken:
             result[one] = other
             taken.add(other)

@@ -231,13 +231,10 @@ def _draw_places(known: Run | World, found: LocalisedLog, picture: Path) -> None
     line_map = known.map if isinstance(known, Run) else LineMap.empty()
     true = None if isinstance(known, Run) else known
     name = known.world.name if isinstance(known, Run) else known.name
-    title = f"{found.log.name} on {name or 'the map'}"
-    placed = f"{len(chosen):,} of {counted(len(found.poses), 'scan')} placed"
-    shown = line_map.counts if true is None else counted(len(true.segments), "wall")
     draw_figure(
         "map", line_map, picture, points=np.concatenate(points),
         poses=np.insert(poses, ends, np.nan, axis=0), world=true,
-        title=f"{title}\n{placed}  ·  {shown}",
+        title=f"{found.log.name} on {name or 'the map'}",
     )  # fmt: skip
 
 

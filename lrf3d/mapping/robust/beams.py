@@ -210,9 +210,9 @@ class NoiseEstimate:
     def update(self, scan: LaserScan, assumed: RangeNoise) -> RangeNoise:
         """Learn from a scan; returns the noise as it is known now, not that assumed at first."""
         known = assumed if self.known is None else self.known
-        angles = plain(scan.angles)
-        ranges = plain(scan.ranges)
-        self._total += count_residuals(angles, ranges, known, NOISE_RANGES, self._counts)
+        self._total += count_residuals(
+            plain(scan.angles), plain(scan.ranges), known, NOISE_RANGES, self._counts
+        )
         # [share] Growth of the data after which noise is fitted again. It changes speed, and the
         # error of the noise by a few per cent.
         noise_steps = 1.2
@@ -318,5 +318,4 @@ def _off_flat(turns: Float, reaches: Float) -> float:
     # By how much the noise of the neighbours moves that.
     a *= (flat / reaches[0]) ** 2
     b *= (flat / reaches[2]) ** 2
-    off: float = abs(reaches[1] - flat) / np.sqrt(1.0 + a * a + b * b)
-    return off
+    return float(abs(reaches[1] - flat) / np.sqrt(1.0 + a * a + b * b))

@@ -263,15 +263,6 @@ def ways_across(ux: float, uy: float, sine: float) -> int:
 
 
 @borrower
-def _passes(cells: Cells, x: float, y: float, way: int) -> int:
-    """The number of beams of a direction that passed through the cell of a place [m]."""
-    column, row = cell_of(x, y)
-    # Nothing has passed the cells of block 0.
-    passed: int = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
-    return passed & MOST_PASSES
-
-
-@borrower
 def count_beams(
     cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
 ) -> int:
@@ -282,8 +273,10 @@ def count_beams(
         if (ways >> way) & 1:
             passed = cells.passes[block, way, cell] & MOST_PASSES
             if deeper > 0.0:
-                behind = _passes(cells, x + deeper * COSINES[way], y + deeper * SINES[way], way)
-                passed = min(passed, behind)
+                column, row = cell_of(x + deeper * COSINES[way], y + deeper * SINES[way])
+                # Nothing has passed the cells of block 0.
+                behind = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
+                passed = min(passed, behind & MOST_PASSES)
             count += passed
     return count
 

@@ -105,10 +105,10 @@ class RobustMapper:
         while not open_squares(self._cells, place, beams):
             self._cells = self._cells.enlarged()
         done = 0
-        while done < len(beams.ranges):
-            done = add_beams(self._cells, done, place, beams, self._walls, unowned)
-            if done < len(beams.ranges):
-                self._cells = self._cells.enlarged()
+        while (done := add_beams(self._cells, done, place, beams, self._walls, unowned)) < len(
+            unowned
+        ):
+            self._cells = self._cells.enlarged()
         return unowned
 
     def _shown_rows(self) -> Int:
