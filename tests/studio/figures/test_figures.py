@@ -111,9 +111,8 @@ def test_the_headline_counts_what_is_drawn(run):
 def test_a_map_alone_and_no_map_at_all_are_drawn(run):
     assert shows(draw_map(run.map), object_tints(np.array([0]))[0], at_least=500)
     assert "0 segments in 0 objects" in texts(draw_map(LineMap.empty()))
-    known = World([[0, 0, 1, 1]])
     assert "1 wall  ·  5 returns" in texts(
-        draw_map(LineMap.empty(), points=np.ones((5, 2)), world=known)
+        draw_map(LineMap.empty(), points=np.ones((5, 2)), world=World([[0, 0, 1, 1]]))
     )
 
 
