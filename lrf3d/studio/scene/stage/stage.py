@@ -48,9 +48,6 @@ _LEAST = 1e-7
 # Largest number of walls that show reflections: each takes the time of a picture.
 _MOST_MIRRORS = 4
 
-# Distance that a street reaches past the houses of a town [m].
-STREET = 8.0
-
 # Width of the pavement round houses [m].
 PAVEMENT = 1.7
 
