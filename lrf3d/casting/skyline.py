@@ -241,38 +241,40 @@ def cast_lidar(
     moved = moment.motion is not None and bool(np.any(moment.motion))
     motion = moment.motion if moved else None
     if not lidar.is_level:
-        return _cast_tilted(walls, lidar, pose, moment, motion)
+        return _cast_tilted(
+            walls, lidar, pose, moment.time + lidar.planar.delays, motion, moment.obstacles
+        )
     z = lidar.mount[2]
     standing = walls.standing(pose, z)
     layers, back, fan = _layers_of(lidar)
     if motion is None and not moment.obstacles:
         shape = lidar.columns, len(lidar.slopes)
-        ranges = walls.reused("ranges", (1, *shape), np.float64)
+        ranges = walls.reused("ranges", shape, np.float64)
         hits = walls.reused("hits", shape, np.int32)
-        _cast_fans(walls, standing, lidar, pose[None], ranges, hits)
-        ranges = ranges[0]
+        _cast_fans(walls, standing, lidar, pose[None], ranges[None], hits)
     else:
         times = moment.time + lidar.planar.delays
-        rays = records(RAY, *pose[:2], 0.0, 0.0, times)
+        rays = np.empty(lidar.columns, RAY)
         if motion is not None:
             rays_from(fan[0], swept(lidar, pose, motion), times, rays[None])
-        along = (fan, pose) if motion is None else None
+        along = (fan, pose, times) if motion is None else None
         ranges, hits = _columns(walls, standing, rays, z, layers, along, moment.obstacles)
     return (ranges.T, hits.T) if back is None else (ranges.T[back], hits.T[back])
 
 
 def _cast_tilted(
-    walls: StandingWalls, lidar: Lidar, pose: Float, moment: Conditions, motion: Float | None
-) -> tuple[Float, Rows]:
-    """Ranges and walls of a lidar that is not level, at rest or moving by a motion."""
+    walls: StandingWalls, lidar: Lidar, pose: Float, times: Float, motion: Float | None,
+    crowd: Crowd | None,
+) -> tuple[Float, Rows]:  # fmt: skip
+    """Ranges and walls of a lidar that is not level, whose columns are cast at times (columns,)."""
     z = lidar.mount[2]
-    times = moment.time + lidar.planar.delays
     standing = walls.standing(pose, z)
     shape = len(lidar.slopes), lidar.columns
     if motion is None:
         layers, order, fan = _sorted_beams(lidar)
-        rays = records(RAY, *pose[:2], 0.0, 0.0, times[order % lidar.columns])
-        found = _columns(walls, standing, rays, z, layers, (fan, pose), moment.obstacles)
+        along = fan, pose, times[order % lidar.columns]
+        rays = np.empty(len(order), RAY)
+        found = _columns(walls, standing, rays, z, layers, along, crowd)
         ranges, hits = (np.empty(len(order), each.dtype) for each in found)
         ranges[order], hits[order] = (each.ravel() for each in found)
         return ranges.reshape(shape), hits.reshape(shape)
@@ -285,7 +287,7 @@ def _cast_tilted(
     flat = beams.reshape(-1, 3)
     rays = rays_along(places.T, flat, np.broadcast_to(times, shape).ravel())
     layers = Layered.of(flat[:, 2:], np.ones(1), lidar)
-    ranges, hits = _columns(walls, standing, rays, z, layers, crowd=moment.obstacles)
+    ranges, hits = _columns(walls, standing, rays, z, layers, crowd=crowd)
     return ranges.reshape(shape), hits.reshape(shape)
 
 
@@ -393,11 +395,11 @@ def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float =
 
 def _columns(
     walls: StandingWalls, standing: Plain, rays: Records, z: float, layers: Layered,
-    fan: tuple[Plain, Float] | None = None, crowd: Crowd | None = None,
+    fan: tuple[Plain, Float, Float] | None = None, crowd: Crowd | None = None,
 ) -> tuple[Float, Rows]:  # fmt: skip
     """Ranges and walls (columns, layers) along rays (columns,), or along a fan at a pose.
 
-    The rays of a fan get its directions.
+    A fan has the times of its beams, and only the number of the rays counts.
     """
     slopes = layers.plain[0]
     eye = z, *layers.extent
@@ -407,12 +409,13 @@ def _columns(
     while True:
         skies = walls.skies(count)
         if fan is not None:
-            fits = raise_fan(standing, *fan, directions, eye, skies)
-            rays["dx"], rays["dy"] = directions[:, :count]
+            fits = raise_fan(standing, *fan[:2], directions, eye, skies)
         else:
             fits = raise_rays(standing, rays, eye, limits, skies)
             directions[:, :count] = rays["dx"], rays["dy"]
         if crowd:
+            if fan is not None:
+                rays = records(RAY, *fan[1][:2], *directions[:, :count], fan[2])
             near = crowd.as_seen(rays)
             fits = raise_obstacles(crowd.near, crowd.own, near, eye, limits, skies) and fits
         if fits:
