@@ -85,6 +85,10 @@ _LEAPS = 1.1
 # How steeply the camera of the proof looks down [rad].
 _PROVES = np.radians([40.0, 52.0, 64.0, 76.0])
 
+# From where it looks down on a loop [rad].
+_SQUARE = np.radians([-90.0, 0.0])
+_ABOVE = np.radians([84.0])
+
 # From where it looks along what is seen from its side [rad].
 _ASIDE = np.radians([-45.0, -135.0])
 _PROVES_ASIDE = np.radians([34.0, 44.0])
@@ -169,7 +173,7 @@ class Story:
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
         # There it comes to rest.
-        self._plan = overview(timeline, structures, CARD, middle, 0.0, _STEEPS)
+        self._plan = overview(timeline, structures, CARD, middle, 0.0, _STEEPS, self._whole)
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
@@ -209,12 +213,14 @@ class Story:
         if shot.name == "opening":
             return (subject.title if passed < TITLE_TIME else _LIT,)
         told = self._leap(number) if passed < _LEAPS else ()
-        if shot.name == "proof":
-            return (subject.proof if time < subject.until else subject.after, *told)
-        # The rest of the run is shown in the time that is left.
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
-        if self.leaps and shot.name == "rise" and rushes:
+        # The rest of the run is shown in the time that is left.
+        if self.leaps and shot.name in ("proof", "rise") and rushes:
             told = ("fast forward",)
+        # That a loop has closed is still said where nothing else happens.
+        proven = ["rise"] * (subject.since is not None) * (not rushes)
+        if shot.name in ("proof", *proven):
+            return (subject.proof if time < subject.until else subject.after, *told)
         return ("", *told)
 
     def _robot(self, number: int) -> int:
@@ -290,12 +296,16 @@ class Story:
         corners = np.concatenate([np.insert(shown, 2, high, axis=1) for high in (0.0, SECTION)])
         tracks = list[CameraPath]()
         sides, steeps = 2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES
+        if self._subject.since is not None:
+            sides, steeps, sway = _SQUARE, _ABOVE, 0.0 * sway
         if self._subject.along is not None:
             sides, steeps = self._subject.along + _ASIDE, _PROVES_ASIDE
         for turn, steep in product(sides, steeps):
             there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect, _TEXT)
             track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))
+        if self._subject.since is not None:
+            tracks = [min(tracks, key=lambda track: float(track.aways[0]))]
         path = SmoothPath(times, places, sway)
         return self._seen(tracks, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
 
