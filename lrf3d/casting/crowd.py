@@ -25,7 +25,6 @@ from lrf3d.casting.kernels.tree import Plain
 from lrf3d.geometry.lines import Float, Int, Records, wrap_angle
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.robot import Trajectory
-from lrf3d.robot.following import Patrol
 from lrf3d.robot.kinematics import Twist
 
 # [m] Multiples of this are origins of the frame in which obstacles are placed. Less than half of it
@@ -50,7 +49,8 @@ class Crowd:
         self, obstacles: Sequence[DynamicObstacle], discs: Sequence[float] | float = 0.0
     ) -> None:
         self.obstacles = tuple(obstacles)
-        laps = [_lap(one.path) for one in obstacles]
+        # Of a patrol its first lap.
+        laps = [one.until(0.0).poses for one in obstacles]
         outlines = [np.empty((0, 2)), *(one.outline for one in obstacles)]
         times = np.concatenate([np.empty(0), *(lap.times for lap in laps)])
         poses = np.concatenate([np.empty((0, 3)), *(lap.poses for lap in laps)])
@@ -60,10 +60,9 @@ class Crowd:
         movers["first"][1:] = movers["stop"][:-1]
         movers["leg"][1:] = movers["last"][:-1]
         movers["disc"] = discs
-        for mover, one in zip(movers, obstacles, strict=True):
-            mover["reach"] = one.reach
-            mover["height"] = one.height
-            mover["period"] = one.path.period if isinstance(one.path, Patrol) else 0.0
+        movers["reach"] = [one.reach for one in obstacles]
+        movers["height"] = [one.height for one in obstacles]
+        movers["period"] = [getattr(one.path, "period", 0.0) for one in obstacles]
         speeds, turns = np.array([_fastest(lap) for lap in laps]).reshape(-1, 2).T
         movers["fastest"] = speeds
         movers["rim"] = speeds + turns * movers["reach"]
@@ -91,32 +90,23 @@ class Crowd:
 
     def hold(self, moves: Records, first: int = 0) -> None:
         """Let obstacles (k,) from the first on hold moves (k,), whatever their paths were."""
-        movers, _, legs = self.plain
-        some = movers[first : first + len(moves)]
+        some = self.plain[0][first : first + len(moves)]
         speeds = np.hypot(moves["ahead"], moves["left"])
         some["period"] = HELD
         some["fastest"] = speeds
         some["rim"] = speeds + np.abs(moves["turn"]) * some["reach"]
-        legs[some["leg"]] = moves
-        near = moves.copy()
-        near["x"] -= self.origin[0]
-        near["y"] -= self.origin[1]
-        self.near[2][some["leg"]] = near
+        self.plain[2][some["leg"]] = moves
+        self.near[2][some["leg"]] = self.as_seen(moves)
         self._moment[0] = math.nan
 
     def as_seen(self, rays: Records) -> Records:
-        """Rays (n,) in the frame near the obstacles."""
+        """Rays or moves (n,) in the frame near the obstacles."""
         if not self.origin.any():
             return rays
         seen = rays.copy()
         seen["x"] -= self.origin[0]
         seen["y"] -= self.origin[1]
         return seen
-
-    def _place(self, time: float) -> None:
-        if time != self._moment[0]:
-            self._moment[0] = time
-            place_all(self._placed, self._grid, time)
 
     def stop_scans(
         self, lrf: LaserRangeFinder, poses: Float, time: float, ranges: Float, walls: Int,
@@ -126,7 +116,9 @@ class Crowd:
 
         Own (k,) are the obstacles that the scans do not see, if they differ.
         """
-        self._place(time)
+        if time != self._moment[0]:
+            self._moment[0] = time
+            place_all(self._placed, self._grid, time)
         own = np.full(len(poses), self.own) if own is None else own
         asked = (self._placed, self._grid), laser_of(lrf), float(lrf.height)
         poses = poses - self.origin
@@ -174,11 +166,6 @@ def grid_over(count: int) -> Plain:
     frames["cells"] = cells = 1 + math.isqrt(count // 4)
     firsts = np.empty(cells * cells + 1, np.int64)
     return frames, firsts, np.empty(count, np.int64), np.empty(count, PLACED)
-
-
-def _lap(path: Trajectory | Patrol) -> Trajectory:
-    """A patrol's first lap; a trajectory as it is."""
-    return path.until(0.0) if isinstance(path, Patrol) else path
 
 
 def _ends(rows: Sequence[Sized]) -> Int:

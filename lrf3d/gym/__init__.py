@@ -138,7 +138,6 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset}
         self.num_envs = num_envs
         self.max_steps = max_steps
-        self.render_mode = None
         self.lrf = scenario.lrf
         self.lasers = scenario.lasers
         self.dt = scenario.scan_interval
@@ -288,22 +287,20 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
     def _apart(self, robots: Int, starts: Float, others: Float) -> Float:
         """Starts (k, 2) of robots, or others of (k, n, 2), away from where other robots are."""
         room = 2.0 * self._body.reach + GOAL_MARGIN
-        places = self.poses[:, :2].copy()
-        places[robots] = np.inf
-        x, y = places.T.copy()
+        places = self.poses.T[:2].copy()
+        places[:, robots] = np.inf
 
         def away(choice: Float) -> float:
-            east = x - choice[0]
-            north = y - choice[1]
-            return float((east * east + north * north).min())
+            offsets = places - choice[:, None]
+            return float((offsets * offsets).sum(axis=0).min())
 
         for robot, choices in zip(
             robots, np.concatenate([starts[:, None], others], 1), strict=True
         ):
             # The first with room; nearly always one of the first.
             best = next((each for each in choices if away(each) >= room * room), None)
-            x[robot], y[robot] = max(choices, key=away) if best is None else best
-        return np.column_stack([x, y])[robots]
+            places[:, robot] = max(choices, key=away) if best is None else best
+        return places[:, robots].T
 
     def _scan(self) -> tuple[Float, Float, Int]:
         """Measured and true ranges, and walls, (k, beams) each, after REP 117, laser by laser."""
@@ -315,7 +312,6 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
 
     def _scan_of(self, sensor: Sensor) -> tuple[Float, Float, Int]:
         lrf = sensor.lrf
-        rng = self.np_random
         poses = sensor.lrf.placed(self.poses)
         if self.scenario.world.materials:
             # Intensities are of single scans.
@@ -336,13 +332,13 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
                 lrf.angles, sealed(truth), sealed(walls), lrf.range_min, lrf.range_max
             )
             scans = []
-        measured = sensor.noisy_ranges(batch, rng)
+        measured = sensor.noisy_ranges(batch, self.np_random)
         if measured is None:
             scans = scans or [
                 LaserScan.unchecked(lrf, Pose(*pose.tolist()), *row).at_time(time)
                 for pose, time, *row in zip(poses, self._times, truth, walls, strict=True)
             ]
-            measured = np.array([sensor.noisy(scan, rng).ranges for scan in scans])
+            measured = np.array([sensor.noisy(scan, self.np_random).ranges for scan in scans])
         return measured, batch.ranges, batch.walls
 
     def _observe(self) -> Observation:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.base.errors import check_names
-from lrf3d.geometry.lines import Bool, Float, generator, number
+from lrf3d.geometry.lines import Float, generator, number, sealed
 from lrf3d.laser.noise import (
     Chain,
     ConstantNoise,
@@ -27,7 +27,6 @@ from lrf3d.laser.noise import (
     known_range_max,
 )
 from lrf3d.laser.range_finder import ECHO_CHOICES, LaserRangeFinder
-from lrf3d.laser.scan import LaserScan, ScanBatch
 
 # Light that returns: its range [m], its intensity, and its wall, −1 where it is mixed.
 Echo = tuple[float, float, int]
@@ -51,34 +50,21 @@ class AngleNoise(Unscattered):
         check_scan(scan)
         if self.sigma == 0.0 or len(scan.angles) < 2:
             return scan
-        beams = scan.angles
-        angles = beams + generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
-        turns = np.diff(beams)
-        # Most noise leads from a beam at most to its neighbours, and then no beam is looked up.
-        close = np.abs(angles - beams).max() < turns.min()
-        after = (
-            np.arange(len(beams)) + (angles > beams) if close else np.searchsorted(beams, angles)
+        from lrf3d.laser.deviation import ranges_aside
+
+        draws = generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
+        rows = (-1, len(scan.angles))
+        ranges = np.empty(scan.ranges.shape)
+        ranges_aside(
+            scan.angles,
+            np.sin(np.diff(scan.angles)),
+            draws.reshape(rows),
+            # Kernels are compiled again for arrays that can be written.
+            sealed(np.ascontiguousarray(scan.ranges).reshape(rows)),
+            sealed(np.ascontiguousarray(scan.walls, np.int64).reshape(rows)),
+            ranges.reshape(rows),
         )
-        before = np.clip(after, 1, len(turns)) - 1
-        turn = turns.take(before)
-        ahead = np.clip(angles - beams.take(before), 0.0, turn)
-        # Numbers of beams in all scans: taking by them needs half of the time of other indices.
-        scans = np.arange(0, scan.ranges.size, len(beams)).reshape(*scan.ranges.shape[:-1], 1)
-        near, far = (scan.ranges.take(scans + beam) for beam in (before, before + 1))
-        wall, other = (scan.walls.take(scans + beam) for beam in (before, before + 1))
-        # At the beams themselves the measured ranges are kept, to the last bit.
-        returned = (wall >= 0) & (wall == other) & np.isfinite(near) & np.isfinite(far)
-        ranges = np.where(2.0 * ahead > turn, far, near)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            opposite = near * np.sin(ahead) + far * np.sin(turn - ahead)
-            return replace(
-                scan,
-                ranges=np.where(
-                    returned & (ahead > 0.0) & (ahead < turn),
-                    near * far * np.sin(turn) / opposite,
-                    ranges,
-                ),
-            )
+        return replace(scan, ranges=ranges)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +150,8 @@ class MixedPixels(Unscattered):
         returned = np.isfinite(scan.ranges)
         jumps = np.diff(np.where(returned, scan.ranges, 0.0))
         edge = returned[..., :-1] & returned[..., 1:] & (np.abs(jumps) > self.jump)
-        edge &= ~on_one_wall(scan)
+        wall = scan.walls[..., :-1]
+        edge &= (wall < 0) | (wall != scan.walls[..., 1:])
         # The shares of each beam that fall on the surface of the beam before it, and after it.
         before, after = np.zeros((2, *scan.ranges.shape))
         after[..., :-1] = np.where(edge, self._beyond(offsets), 0.0)
@@ -230,12 +217,6 @@ class MixedPixels(Unscattered):
                 wall = -1
             found.append((away, light, wall))
         return found
-
-
-def on_one_wall(scan: LaserScan | ScanBatch) -> Bool:
-    """Which beams (…, beams − 1) hit the same wall as the next one."""
-    wall = scan.walls[..., :-1]
-    return np.asarray((wall >= 0) & (wall == scan.walls[..., 1:]))
 
 
 def _degrees(angle: float, key: str) -> float:

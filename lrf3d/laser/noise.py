@@ -23,7 +23,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from lrf3d.base.errors import InputError, expect, shown
-from lrf3d.geometry.lines import Float, generator, number
+from lrf3d.geometry.lines import Float, generator, least_of, number
 from lrf3d.laser.range_finder import LaserRangeFinder, within_limits
 from lrf3d.laser.scan import LaserScan, ScanBatch
 
@@ -125,22 +125,30 @@ class Gaussian:
 
     sigma: float
     batched: ClassVar[bool] = True
+    grows: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         number(self.sigma, "sigma", "metres")
 
-    def _shares(self, scan: LaserScan | ScanBatch) -> float | Float:
-        """The factor of the noise of each range."""
-        return 1.0
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Standard deviations [m]: the constant part, and the growing part at range_max."""
+        return (0.0, self.sigma) if self.grows else (self.sigma, 0.0)
 
     def __call__(self, scan: Scan, rng: Rng) -> Scan:
         """Return the scan with noise on each range, which is raised to at least 0."""
         check_scan(scan)
         if self.sigma == 0.0:
             return scan
-        draws = generator(rng).normal(0.0, self.sigma, scan.ranges.shape)
-        ranges = scan.ranges + self._shares(scan) * draws
-        return replace(scan, ranges=np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges))
+        # In place, as scans of many robots exceed the cache.
+        ranges = generator(rng).standard_normal(scan.ranges.shape)
+        ranges *= self.sigma
+        if self.grows:
+            ranges *= np.where(np.isfinite(scan.ranges), scan.ranges, 0.0) / known_range_max(scan)
+        ranges += scan.ranges
+        if least_of(ranges) < 0.0:
+            ranges[(ranges < 0.0) & np.isfinite(ranges)] = 0.0
+        return replace(scan, ranges=ranges)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,13 +171,7 @@ class ProportionalNoise(Gaussian):
         [inf, 4.993, inf]
     """
 
-    @property
-    def spread(self) -> tuple[float, float]:
-        """Standard deviations [m]: the constant part, and the growing part at range_max."""
-        return 0.0, self.sigma
-
-    def _shares(self, scan: LaserScan | ScanBatch) -> Float:
-        return np.where(np.isfinite(scan.ranges), scan.ranges, 0.0) / known_range_max(scan)
+    grows: ClassVar[bool] = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,11 +180,6 @@ class ConstantNoise(Gaussian):
 
     With ProportionalNoise in a chain the variances add up. A range below 0 is reported as 0.
     """
-
-    @property
-    def spread(self) -> tuple[float, float]:
-        """Standard deviations [m]: the constant part, and the growing part at range_max."""
-        return self.sigma, 0.0
 
 
 def known_range_max(scan: LaserScan | ScanBatch) -> float:

@@ -91,9 +91,14 @@ def _numbered(ground: Ground) -> tuple[Int, Int]:
 
 
 def measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
-    """The area [m²] of some cells, and the place (2,) [m] among them farthest from walls."""
+    """The area [m²] of some cells, up to the faces of the walls around them, and a place in it.
+
+    The place (2,) [m] is the one farthest from walls.
+    """
     place = ground.places[cells][np.argmax(ground.gaps[cells])] + ground.world.origin
-    return float(cells.sum()) * ground.size**2, place
+    # About as wide as a cell is the strip along walls whose cells are not passable.
+    rim = cells & ~scipy.ndimage.binary_erosion(cells)
+    return float(cells.sum() + rim.sum()) * ground.size**2, place
 
 
 def missed_rooms(space: FreeSpace, legs: list[Int]) -> tuple[list[Note], list[Note]]:

@@ -89,8 +89,9 @@ def test_beams_are_lost_as_often_as_their_probability_says(losses, expected):
     assert (np.abs(lost - expected) <= 5 * np.sqrt(expected * (1 - expected) / 4000)).all()
 
 
-def test_the_range_of_a_beam_that_looks_aside_is_that_of_the_wall_there():
-    sigma, seed = 0.004, 3
+@pytest.mark.parametrize("sigma", [0.004, 0.1], ids=["between neighbours", "past other beams"])
+def test_the_range_of_a_beam_that_looks_aside_is_that_of_the_wall_there(sigma):
+    seed = 3
     after = AngleNoise(sigma)(WALL, np.random.default_rng(seed)).ranges
     aside = LRF.angles + np.random.default_rng(seed).normal(0.0, sigma, 101)
     inside = np.abs(aside) <= 1.0

@@ -199,7 +199,7 @@ def side_at(sides: Records, row: int) -> Wall:
 
 @borrower
 def _meet_clearly(
-    sides: Records, first: int, stop: int, beam: Beam, doubt: float, nearest: Nearest
+    sides: Records, first: int, stop: int, beam: Beam, doubt: float, nearest: Nearest, some: Int
 ) -> tuple[int, float, float]:
     """The nearest of some sides and the nearest so far, as of `Nearest`; the row may be UNDECIDED.
 
@@ -207,14 +207,16 @@ def _meet_clearly(
     makes no arrays, and so counts no references.
     """
     q = beam.dx * (sides[first].py - beam.oy) - beam.dy * (sides[first].px - beam.ox)
+    count = 0
     for row in range(first, stop):
-        side = side_at(sides, row)
         p = q
-        q = beam.dx * (side.qy - beam.oy) - beam.dy * (side.qx - beam.ox)
-        # Most sides lie beside the beam.
-        if min(p, q) > doubt or max(p, q) < -doubt:
-            continue
-        verdict, low, high = judged(side, beam, nearest)
+        q = beam.dx * (sides[row].qy - beam.oy) - beam.dy * (sides[row].qx - beam.ox)
+        # Most sides lie beside the beam. A branch here would often be predicted wrongly.
+        some[count] = row
+        count += int(min(p, q) <= doubt) & int(max(p, q) >= -doubt)
+    for place in range(count):
+        row = some[place]
+        verdict, low, high = judged(side_at(sides, row), beam, nearest)
         if verdict == TAKEN:
             nearest = Nearest(row, low, high)
         elif verdict == OPEN:
@@ -261,43 +263,45 @@ def cast_among(
     grid = MoverGrid(*plain_grid)
     laser = Laser(*plain_laser)
     limits = (laser.range_min, laser.range_max)
+    reach = laser.range_max * ROOM
     beams = laser.fan.shape[1]
     dx = np.empty(beams + PADDING)
     dy = np.empty(beams + PADDING)
-    row = np.empty(beams, np.int64)
-    low = np.empty(beams)
-    high = np.empty(beams)
-    met = row, low, high
+    met = np.empty(beams, np.int64), np.empty(beams), np.empty(beams)
+    row, low, high = met
     view = np.zeros(6 * BATCH)
+    # Room for the obstacles of a view, and for the sides of one, that beams may meet.
+    room = np.empty(BATCH, np.int64), np.empty(len(among.corners), np.int64)
     walls = np.zeros((4, whole(beams)))
     lengths = np.empty(whole(beams))
     for k in range(len(poses)):
         fan = aim(laser, poses[k], dx, dy)
-        low_x = high_x = fan.x
-        low_y = high_y = fan.y
+        # To take them out of the fan counts references each time.
+        ox, oy, _ = poses[k]
+        low_x = high_x = ox
+        low_y = high_y = oy
         for i in range(beams):
             row[i] = -1
             low[i] = np.inf
-            high[i] = min(ranges[k, i], laser.range_max * ROOM) * ROOM
+            high[i] = min(ranges[k, i], reach) * ROOM
             length = min(max(high[i], 0.0), LONGEST)
-            low_x = min(low_x, fan.x + length * dx[i])
-            high_x = max(high_x, fan.x + length * dx[i])
-            low_y = min(low_y, fan.y + length * dy[i])
-            high_y = max(high_y, fan.y + length * dy[i])
+            low_x = min(low_x, ox + length * dx[i])
+            high_x = max(high_x, ox + length * dx[i])
+            low_y = min(low_y, oy + length * dy[i])
+            high_y = max(high_y, oy + length * dy[i])
         # More than rounding may be.
-        room = grid.frames[0].reach * ROOM + 1e-12 * (abs(fan.x) + abs(fan.y) + LONGEST)
-        cells = cells_of(grid, (low_x - room, low_y - room, high_x + room, high_y + room))
+        beside = grid.frames[0].reach * ROOM + 1e-12 * (abs(ox) + abs(oy) + LONGEST)
+        box = low_x - beside, low_y - beside, high_x + beside, high_y + beside
         seen = height, own[k]
-        _stop_fan(among, grid, cells, fan, view, met, seen)
+        _stop_fan(among, grid, box, fan, (view, *room), met, seen)
         _lengths(fan, among.sides, row, walls, lengths)
         for i in range(beams):
             if row[i] == -1:
                 continue
-            beam = Beam(fan.x, fan.y, dx[i], dy[i])
+            beam = Beam(ox, oy, dx[i], dy[i])
             t = lengths[i]
             if row[i] == UNDECIDED:
-                limit = min(ranges[k, i], laser.range_max * ROOM) * ROOM
-                row[i] = _met_exactly(among, beam, limit, seen)
+                row[i] = _met_exactly(among, beam, min(ranges[k, i], reach) * ROOM, seen)
                 t = np.nan
             if row[i] >= 0 and not limits[0] * ROOM < t < limits[1] / ROOM:
                 t = range_to(among, row[i], beam, limits)
@@ -309,25 +313,34 @@ def cast_among(
 
 @borrower
 def _stop_fan(
-    among: Movers, grid: MoverGrid, cells: tuple[int, int, int, int], fan: Fan, view: Float,
-    met: tuple[Int, Float, Float], seen: tuple[float, int],
+    among: Movers, grid: MoverGrid, box: tuple[float, float, float, float], fan: Fan,
+    room: tuple[Float, Int, Int], met: tuple[Int, Float, Float], seen: tuple[float, int],
 ) -> None:  # fmt: skip
-    """Let obstacles in some cells stop the beams of a fan, whose nearest sides are filled in.
+    """Let obstacles in a box stop the beams of a fan, whose nearest sides are filled in.
 
-    ``seen`` holds the height of the laser, and the robot's own obstacle, which is left out; the row
-    of a side may be UNDECIDED.
+    The room is for a view, its obstacles and the sides of one. ``seen`` holds the height of the
+    laser, and the robot's own obstacle, which is left out; the row of a side may be UNDECIDED.
     """
-    row, low, high = met
-    first, last, first_row, last_row = cells
+    first, last, first_row, last_row = cells_of(grid, box)
     for away in range(last_row - first_row + 1):
         # From the near cells to the far ones, as near obstacles hide others.
         at = first_row + away if fan.ahead_y > 0.0 else last_row - away
-        start, stop = members(grid, at, first, last)
-        for member in range(start, stop):
-            k = (member - start) % BATCH
-            if k == 0:
-                _view(grid.places, member, min(BATCH, stop - member), fan, view)
-            j = grid.order[member]
+        _stop_by(among, grid, members(grid, at, first, last), fan, room, met, seen)
+
+
+@borrower
+def _stop_by(
+    among: Movers, grid: MoverGrid, part: tuple[int, int], fan: Fan,
+    room: tuple[Float, Int, Int], met: tuple[Int, Float, Float], seen: tuple[float, int],
+) -> None:  # fmt: skip
+    """Let a part of the obstacles in the order of the grid stop beams: see `_stop_fan`."""
+    row, low, high = met
+    view, some, sides = room
+    start, stop = part
+    for base in range(start, stop, BATCH):
+        for place in range(_view(grid.places, base, min(BATCH, stop - base), fan, view, some)):
+            k = some[place]
+            j = grid.order[base + k]
             mover = among.movers[j]
             for i in range(int(view[FIRST + k]), int(view[STOP + k])):
                 if high[i] < view[NEAR + k] or row[i] == UNDECIDED:
@@ -340,13 +353,16 @@ def _stop_fan(
                 doubt = 4.0 * FILTER * (view[NEAR + k] + 2.0 * view[WIDE + k])
                 before = Nearest(row[i], low[i], high[i])
                 row[i], low[i], high[i] = _meet_clearly(
-                    among.sides, mover.first, mover.stop, beam, doubt, before
+                    among.sides, mover.first, mover.stop, beam, doubt, before, sides
                 )
 
 
 @borrower
-def _view(places: Records, base: int, count: int, fan: Fan, view: Float) -> None:
-    """Fill in how a scan sees obstacles at some places from a base on, up to BATCH of them."""
+def _view(places: Records, base: int, count: int, fan: Fan, view: Float, some: Int) -> int:
+    """Fill in how a scan sees obstacles at some places from a base on, up to BATCH of them.
+
+    It returns the number of those that beams may meet, and fills in which they are.
+    """
     for k in range(index_of(count)):
         at = places[index_of(base) + k]
         view[EAST + k] = at.x - fan.x
@@ -373,6 +389,12 @@ def _view(places: Records, base: int, count: int, fan: Fan, view: Float) -> None
         view[NEAR + k] = away * (2.0 - ROOM) - wide
         view[FIRST + k] = first if plain else 0.0
         view[STOP + k] = stop if plain else beams
+    met = 0
+    for k in range(count):
+        # A branch would often be predicted wrongly.
+        some[met] = k
+        met += int(int(view[FIRST + k]) < int(view[STOP + k]))
+    return met
 
 
 @borrower
@@ -393,15 +415,9 @@ def _lengths(fan: Fan, sides: Records, row: Int, walls: Float, lengths: Float) -
 @inner
 def _met_exactly(among: Movers, beam: Beam, limit: float, seen: tuple[float, int]) -> int:
     """The row of the nearest side that a beam meets up to a limit [m], of all obstacles, or −1."""
-    height, own = seen
     nearest = Nearest(-1, np.inf, limit)
     for j in range(len(among.movers)):
-        at = among.placed[j]
-        east = at.x - beam.ox
-        north = at.y - beam.oy
-        wide = at.reach * ROOM + 1e-12 * (abs(at.x) + abs(at.y) + abs(east) + abs(north))
-        beside = abs(beam.dx * north - beam.dy * east) > wide
-        if j != own and not beside and among.movers[j].height >= height:
+        if j != seen[1] and among.movers[j].height >= seen[0]:
             nearest = meet(among, j, beam, nearest)
     return nearest.row
 

@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 
 from lrf3d.base.balance import Balance
-from lrf3d.geometry.lines import Bool, Float
+from lrf3d.geometry.lines import Bool
 from lrf3d.world.grid_walls import grown
 
 # Distance [pixels] within which cells are next to each other, also across a corner.
@@ -18,6 +18,8 @@ class LeftOut:
     def __init__(self, dark: Bool) -> None:
         self.dark = dark
         self.parts = Counter[str]()
+        # Which pixels are in coloured parts.
+        self.coloured = np.zeros_like(dark)
         # Which pixels are in large parts as thick as walls.
         self.thick = np.zeros_like(dark)
         # Area [pixels] of the box around the largest part that is not of the building.
@@ -53,11 +55,3 @@ class LeftOut:
         for reason, count in zip(self.parts, counts[1:].tolist(), strict=True):
             balance.leave(reason, count)
         return balance
-
-
-def rows_of(cells: Bool) -> Float:
-    """Lines (n, 4) [cells] through the middles of cells that are next to each other in a row."""
-    steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
-    row, begin = np.nonzero(steps > 0)
-    _, end = np.nonzero(steps < 0)
-    return np.column_stack([begin, row + 0.5, end, row + 0.5])

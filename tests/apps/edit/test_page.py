@@ -76,6 +76,10 @@ def test_a_world_is_drawn_from_nothing_by_mouse_and_keyboard(tmp_path, chromium)
         page.keyboard.press("g")
         click(page, 7, 5)
         until(lambda: read_edits(journal).as_dict().get("robot", {}).get("route"))
+        page.keyboard.press("k")
+        drag(page, (6.5, 2.5), (7.5, 3.5))
+        until(lambda: read_edits(journal).as_dict().get("keep_out"))
+        assert len(read_edits(journal).as_dict()["keep_out"][0]["points"]) == 4
         until(lambda: page.inner_text(".lrf3d-rooms") == "2 rooms, 2 reached")
         until(lambda: page.evaluate("(editor.sheet.route ?? []).length > 1"))
 

@@ -1,7 +1,7 @@
 // The editor: asks the server what follows from each decision, and shows it. What was decided can be undone without end.
 
 import { COLOURS, Sheet, roomsPicture } from "./sheet.js";
-import { Finder, makeTools } from "./tools.js";
+import { Finder, makeTools, overlap } from "./tools.js";
 
 const TYPES = { f4: Float32Array, u1: Uint8Array, u2: Uint16Array };
 const TOOL_KEYS = {
@@ -128,8 +128,8 @@ const editor = {
 
   // A solid box instead of what is drawn in an area: around it, if that is a rectangle. It replaces one that is there already.
   fill() {
-    const { area, lasso } = this.picked;
-    const points = ((!lasso && sheet.inkIn(area)) || area).map(rounded);
+    const { area, exact } = this.picked;
+    const points = ((!exact && sheet.inkIn(area)) || area).map(rounded);
     this.change("a box of furniture", (edits) => {
       const others = (edits.wall ?? []).filter((each) => !(each.closed && each.height < LOW && overlap(each.points, points) > 0.5));
       edits.wall = [...others, { points, closed: true, height: this.boxHeight }];
@@ -235,16 +235,7 @@ function reclassed(before = [], selects, as) {
   return [...before.filter(({ select }) => !names.includes(JSON.stringify(select))), ...selects.map((select) => ({ select, as }))];
 }
 
-// The share of the boxes around two outlines that they have in common.
-function overlap(one, two) {
-  const common = [0, 1].map((axis) => {
-    const [a, b] = [one, two].map((points) => points.map((point) => point[axis]));
-    const both = Math.min(Math.max(...a), Math.max(...b)) - Math.max(Math.min(...a), Math.min(...b));
-    return Math.max(0, both) / (Math.max(...a, ...b) - Math.min(...a, ...b) || 1);
-  });
-  return common[0] * common[1];
-}
-
+const KEYED = ["wall", "furniture", "glass", "mirror", "door", "nothing"]; // The classes by their keys, from 1.
 const word = (kind) => (kind === "nothing" ? "left out" : kind);
 const takenFor = (as) => (as === "nothing" ? "left out" : `taken for ${as}`);
 const LOW = 1.25; // Height below which a wall that was drawn is one of furniture [m].
@@ -561,7 +552,7 @@ function wallPanel({ number, piece }, size) {
   const wall = sheet.plan.edits.wall[number];
   const several = wall.points.length > 2;
   const whole = () => editor.pick({ one: { table: "wall", number } });
-  const found = [materials(wall.material, (material) => editor.madeOf(material))];
+  const found = [classButtons(KEYED.filter((kind) => kind !== "door"), (kind) => editor.make(kind)), materials(wall.material, (material) => editor.madeOf(material))];
   if (!several || piece === undefined) found.unshift(size("height [m]", "height", 2.5));
   if (piece !== undefined) {
     found.push(button("Add a corner here", () => editor.change("a corner added", (now) => now.wall[number].points.splice(piece + 1, 0, rounded(editor.picked.point)))));
@@ -609,21 +600,25 @@ function showPicked() {
         }, "checkbox"));
       }
     }
-    const classes = Object.assign(document.createElement("div"), { className: "lrf3d-classes" });
-    for (const kind of plan.classes) {
-      const button = document.createElement("button");
-      const swatch = document.createElement("b");
-      swatch.style.background = COLOURS[kind];
-      const hint = Object.assign(document.createElement("kbd"), { textContent: ` ${["wall", "furniture", "glass", "mirror", "door", "nothing"].indexOf(kind) + 1}` });
-      button.append(swatch, word(kind), hint);
-      button.dataset.kind = kind;
-      button.onclick = () => editor.classify(kind);
-      classes.append(button);
-    }
-    card.append(classes);
+    card.append(classButtons(plan.classes, (kind) => editor.classify(kind)));
   }
   if (picked?.inside && plan.picture) card.append(paragraph("furniture becomes a solid box", "small"));
   card.hidden = !card.children.length || editor.reads;
+}
+
+// A button for each class, in its colour and with its key.
+function classButtons(kinds, act) {
+  const classes = Object.assign(document.createElement("div"), { className: "lrf3d-classes" });
+  for (const kind of kinds) {
+    const swatch = document.createElement("b");
+    swatch.style.background = COLOURS[kind];
+    const hint = Object.assign(document.createElement("kbd"), { textContent: ` ${KEYED.indexOf(kind) + 1}` });
+    const each = button("", () => act(kind));
+    each.append(swatch, word(kind), hint);
+    each.dataset.kind = kind;
+    classes.append(each);
+  }
+  return classes;
 }
 
 function described(row) {
@@ -836,7 +831,7 @@ function connect() {
       swatch.style.background = colour;
       return [swatch, Object.assign(document.createElement("span"), { textContent: word(kind) })];
     }),
-    ...[["room", "a room that is reached"], ["missed", "one that is not"], ["route", "the route"], ["robot", "the robot"], ["goal", "a goal"], ["obstacle", "an obstacle"]].flatMap(([name, textContent]) => [
+    ...[["room", "a room that is reached, m² to its walls"], ["missed", "one that is not"], ["route", "the route"], ["robot", "the robot"], ["goal", "a goal"], ["obstacle", "an obstacle"]].flatMap(([name, textContent]) => [
       Object.assign(document.createElement("b"), { className: `lrf3d-is-${name}` }),
       Object.assign(document.createElement("span"), { textContent }),
     ]),

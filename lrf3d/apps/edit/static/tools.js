@@ -8,6 +8,16 @@ const away = ([x1, y1], [x2, y2]) => Math.hypot(x2 - x1, y2 - y1);
 const rounded = (point) => point.map((each) => Math.round(1e4 * each) / 1e4);
 const metres = (length) => `${length.toFixed(2)} m`;
 
+// The share of the boxes around two outlines that they have in common.
+export function overlap(one, two) {
+  const common = [0, 1].map((axis) => {
+    const [a, b] = [one, two].map((points) => points.map((point) => point[axis]));
+    const both = Math.min(Math.max(...a), Math.max(...b)) - Math.max(Math.min(...a), Math.min(...b));
+    return Math.max(0, both) / (Math.max(...a, ...b) - Math.min(...a, ...b) || 1);
+  });
+  return common[0] * common[1];
+}
+
 // The point of a line that is nearest to another one.
 function foot([x, y], [x1, y1], [x2, y2]) {
   const [dx, dy] = [x2 - x1, y2 - y1];
@@ -145,6 +155,16 @@ export function makeTools(editor) {
     return edits[table][number][table === "obstacle" ? "route" : "points"];
   };
 
+  const boxSize = ([one, , three]) => `${Math.abs(three[0] - one[0]).toFixed(2)} × ${metres(Math.abs(three[1] - one[1]))}`;
+
+  // The corners of the furniture at a point that was left out of a picture, if there is some.
+  function thingAt(point, row) {
+    if (!sheet.plan.picture || (row >= 0 && stands(row))) return null;
+    const found = sheet.furnitureAt(point);
+    const boxes = (sheet.plan.edits.wall ?? []).filter(isBox);
+    return found && boxes.every((box) => overlap(box.points, found) < 0.5) ? found : null;
+  }
+
   // A side of a box means all of it.
   const isBox = ({ closed, height }) => closed && height < LOW;
   const whole = (one) => (one?.table === "wall" && isBox(sheet.plan.edits.wall[one.number]) ? { table: "wall", number: one.number } : one);
@@ -225,6 +245,8 @@ export function makeTools(editor) {
     else edits.wall.splice(number, 1, ...parts.map((part) => ({ ...wall, points: part })));
   }
 
+  const boxed = (from, to) => [from, [to[0], from[1]], to, [from[0], to[1]]];
+
   // Tools that take points until Enter, or until a line comes back to its beginning. Some keep what is drawn when they are left.
   const polyline = (keep, least, closes, word, { alone = "", keeps = false }) => ({
     points: [],
@@ -253,12 +275,24 @@ export function makeTools(editor) {
     },
     down(event) {
       const { point, to } = this.at(event);
+      this.pressed = event.at;
       this.typed = "";
       const last = this.points.at(-1);
       const again = last && away(point, last) * sheet.view.scale < 4;
       if (to === "close" || again) return this.finish(to === "close");
       this.points.push(point);
       return true;
+    },
+    // An area may be dragged from corner to corner, too.
+    up(event) {
+      if (this.drags(event)) {
+        this.points = boxed(this.points[0], this.at(event).point);
+        this.finish(true);
+      }
+      this.pressed = null;
+    },
+    drags(event) {
+      return closes && this.pressed && this.points.length === 1 && away(event.at, this.pressed) > 6;
     },
     key({ key }) {
       if (key === "Enter" && this.typed && this.now) {
@@ -278,19 +312,19 @@ export function makeTools(editor) {
     },
     draw(context) {
       const { points, now } = this;
-      const line = [...points, ...(now ? [now.point] : [])];
-      sheet.line(context, line, { colour: "#f07c14", width: 2.5, closed: closes && points.length > 1 });
+      const box = now && this.drags(this.event);
+      const line = box ? boxed(points[0], now.point) : [...points, ...(now ? [now.point] : [])];
+      sheet.line(context, line, { colour: "#f07c14", width: 2.5, closed: box || (closes && points.length > 1) });
       if (!now) return;
       sheet.dot(context, now.point, now.to ? "#37a350" : "#f07c14", 4.5);
       if (!points.length) return;
       const long = away(points.at(-1), now.point);
       const still = long * sheet.view.scale < 4;
-      if (!still || this.typed) sheet.label(context, now.point, this.typed ? `${this.typed}▏ m` : metres(long), now.to === "angle" ? "#2b8a3e" : "#1c2534");
+      if (box) sheet.label(context, now.point, boxSize(line));
+      else if (!still || this.typed) sheet.label(context, now.point, this.typed ? `${this.typed}▏ m` : metres(long), now.to === "angle" ? "#2b8a3e" : "#1c2534");
       else if (alone && points.length === 1) sheet.label(context, now.point, alone);
     },
   });
-
-  const boxed = (from, to) => [from, [to[0], from[1]], to, [from[0], to[1]]];
 
   // Tools that take a rectangle: dragged, by two clicks, or with its width and height typed.
   const rectangle = (what, style) => ({
@@ -359,16 +393,19 @@ export function makeTools(editor) {
       drop: deleteDecided,
       stays,
       says() {
-        return this.one && exists(this.one) ? named(this.one) : this.over >= 0 ? editor.described(this.over) : "";
+        if (this.one && exists(this.one)) return named(this.one);
+        if (this.thing) return `${boxSize(this.thing)} left out: click it, then 2 makes it furniture`;
+        return this.over >= 0 ? editor.described(this.over) : "";
       },
       down(event) {
         const row = finder.stroke(event.point);
         const one = decided(event.point, row, true);
+        const thing = one ? null : thingAt(event.point, row);
         const whole = one?.table === "wall" && event.twice && { one: { table: "wall", number: one.number } };
         if (whole) return editor.pick(whole);
         if (one && one.place !== undefined) return (this.drag = { one, edits: structuredClone(sheet.plan.edits) });
         if (one) editor.pick({ one, point: one.point });
-        else if (row >= 0) {
+        else if (row >= 0 && !thing) {
           const end = finder.ends(row).find((each) => away(each, event.point) < REACH / sheet.view.scale);
           const picked = event.shiftKey && editor.picked?.rows ? [...editor.picked.rows, row] : [row];
           editor.pick({ rows: picked });
@@ -376,12 +413,13 @@ export function makeTools(editor) {
           editor.wasPicked = row;
           if (grabs) return (this.drag = { end });
         }
-        this.drag = { around: [event.point], lasso: event.altKey, row };
+        this.drag = { around: [event.point], lasso: event.altKey, row, thing };
       },
       move(event) {
         const { drag } = this;
         this.over = drag ? -1 : finder.stroke(event.point);
         this.one = drag ? null : decided(event.point, this.over);
+        this.thing = drag || this.one ? null : thingAt(event.point, this.over);
         if (!drag) return;
         drag.moved = true;
         if (drag.around) drag.around = drag.lasso ? [...drag.around, event.point] : [drag.around[0], event.point];
@@ -394,8 +432,9 @@ export function makeTools(editor) {
         if (!drag) return;
         if (drag.around && drag.around.some((each) => away(each, drag.around[0]) * sheet.view.scale > 4)) {
           const area = drag.lasso ? drag.around : boxed(...drag.around);
-          editor.pick({ inside: area.map(inUnits), area, lasso: drag.lasso });
-        } else if (drag.around) drag.row < 0 && editor.pick(null);
+          editor.pick({ inside: area.map(inUnits), area, exact: drag.lasso });
+        } else if (drag.thing) editor.pick({ inside: drag.thing.map(inUnits), area: drag.thing, exact: true });
+        else if (drag.around) drag.row < 0 && editor.pick(null);
         else if (drag.one && !drag.moved) {
           // At the end of a wall its side is meant.
           const one = drag.one.table === "wall" ? decided(event.point, finder.stroke(event.point)) : drag.one;
@@ -414,6 +453,7 @@ export function makeTools(editor) {
           for (const point of one.table === "wall" ? (one.piece === undefined ? pointsOf(sheet.plan.edits, one) : pieceOf(one)) : []) sheet.dot(context, point, "#f5a623", 4.5);
         }
         if (this.one && !drag) mark(context, this.one, "rgba(245, 166, 35, 0.55)");
+        else if (this.thing && !drag) sheet.line(context, this.thing, { colour: "rgba(245, 166, 35, 0.75)", width: 3, closed: true });
         else if (this.over >= 0 && !drag) sheet.line(context, finder.ends(this.over), { colour: "rgba(245, 166, 35, 0.55)", width: 5 });
         if (drag?.around) sheet.line(context, drag.lasso ? drag.around : boxed(drag.around[0], drag.around.at(-1)), { colour: "#f5a623", width: 1.5, dash: [4, 4], closed: true });
         if (drag?.to) sheet.dot(context, drag.to, "#f5a623", 6);
@@ -597,7 +637,7 @@ export function makeTools(editor) {
     },
     keep: {
       cursor: "crosshair",
-      hint: "click the corners of an area that routes avoid; Enter ends",
+      hint: "an area that routes avoid: drag from corner to corner, or click its corners; Enter ends",
       ...polyline((edits, points) => (edits.keep_out ??= []).push({ points }), 3, true, "an area to keep out of", {}),
     },
     obstacle: {
