@@ -48,7 +48,7 @@ from lrf3d.casting.kernels.predicates import (
     side,
     wall_at,
 )
-from lrf3d.casting.kernels.scans import PADDING, Laser, aim
+from lrf3d.casting.kernels.scans import Laser, aim
 from lrf3d.casting.kernels.skyline import (
     AMBIGUOUS,
     BEGINS,
@@ -107,11 +107,12 @@ class Sectors(NamedTuple):
 
 @compiled
 def raise_fan(
-    plain: Plain, beams_at: Plain, pose: Float, rays: Records, eye: Plain, plain_skies: Plain
+    plain: Plain, beams_at: Plain, pose: Float, directions: Float, eye: Plain, plain_skies: Plain
 ) -> bool:
-    """Insert walls into the skylines of rays from one pose (3,), sorted by sectors; fill the rays.
+    """Insert walls into the skylines of rays from one pose (3,), sorted by sectors.
 
-    The beams are a `Laser` and its `Sectors`. Returns whether the skylines had room for all walls.
+    The beams are a `Laser` and its `Sectors`. Fills the directions (2, rays), which are followed by
+    PADDING numbers of any value. Returns whether the skylines had room for all walls.
     """
     plain_laser, plain_sectors = beams_at
     sectors = Sectors(*plain_sectors)
@@ -121,20 +122,13 @@ def raise_fan(
     skies = Skylines(*plain_skies)
     covered = skies.covered
     beams = len(covered)
-    dx = np.empty(beams + PADDING)
-    dy = np.empty(beams + PADDING)
-    fan = aim(Laser(*plain_laser), pose, dx, dy)
+    fan = aim(Laser(*plain_laser), pose, directions[0], directions[1])
     edge = 1.0 / (sight.reach * ROOM)
     half = sectors.half
     # The bound of a sector is the least one of its rays.
     shade = covered if half == 0.0 else np.full(beams, edge)
     for i in range(beams):
         covered[i] = max(covered[i], edge)
-        ray = rays[i]
-        ray.x = fan.x
-        ray.y = fan.y
-        ray.dx = dx[i]
-        ray.dy = dy[i]
     view = (fan, sectors)
     left = np.empty(beams, np.int64)
     sketch = np.empty(SKETCH)
