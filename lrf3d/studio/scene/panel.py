@@ -21,6 +21,7 @@ from lrf3d.studio.scene.found import distances, false_after, false_words, found_
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import NAMED, Label
+from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
 from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, lasting
 
@@ -40,7 +41,7 @@ _INK = (236, 240, 247)
 _PALE = (184, 196, 216)
 
 # All shots of the film's own cameras.
-_SHOTS = ("wave", "rise", "whole", "chase", "close", "proof")
+_SHOTS = (FIRST_SHOT, PROOF, "rise", "whole", *SHOTS)
 
 # The card of the run that was asked for last.
 _CARDS = Latest()

@@ -46,8 +46,8 @@ FILLING = 0.8
 # Approximate length of each other shot [s of the film].
 _SHOT = 2.0
 
-# Kinds of these shots, which alternate.
-SHOTS = ("chase", "close")
+# Kinds of these shots, in turn: from the street, from a roof, and from straight above.
+SHOTS = ("chase", "close", "above")
 
 # The shot of the first scan.
 FIRST_SHOT = "wave"
@@ -62,7 +62,7 @@ _SLOWER = 1.8
 _PROVEN = 0.8
 
 # Share of that shot which comes before its moment.
-_BEFORE = 0.6
+_BEFORE = 0.45
 
 # Rounding of its moment [s].
 _ROUNDING = 1e-6

@@ -113,13 +113,15 @@ class _Rigs(NamedTuple):
 # Candidate positions of the cameras of shots, in towns and in rooms.
 _TOWN = {
     "opening": _Rigs((22.0, 31.0, 44.0), (62.0, 78.0)),
-    "chase": _Rigs((5.0, 9.0), (20.0, 30.0)),
-    "close": _Rigs((12.0, 20.0), (28.0, 40.0, 55.0)),
+    "chase": _Rigs((4.5, 7.0), (10.0, 16.0)),
+    "close": _Rigs((24.0, 34.0), (32.0, 42.0, 55.0)),
+    "above": _Rigs((46.0, 60.0), (70.0, 78.0)),
 }
 _ROOMS = {
     "opening": _Rigs((8.0, 11.0, 14.0), (42.0, 52.0, 62.0)),
     "chase": _Rigs((3.5, 5.5), (32.0, 44.0, 62.0)),
-    "close": _Rigs((6.0, 9.0), (40.0, 54.0, 66.0)),
+    "close": _Rigs((6.0, 9.0), (40.0, 50.0, 60.0)),
+    "above": _Rigs((8.0, 11.0), (68.0, 76.0)),
 }
 
 # The same in rooms whose walls are not cut, between which the camera then stands.
@@ -319,12 +321,16 @@ class Story:
             ]
             return self._seen(tracks, path, moments, aspect, **how)
 
-        best = seen((_ROOMS if indoor else _TOWN)[shot], far=shot == "opening")
+        rigs = (_ROOMS if indoor else _TOWN)[shot]
+        if shot == "chase" and not indoor:
+            best = seen(rigs, _UP)
+        else:
+            best = seen(rigs, far=shot == "opening")
         if shot == "opening":
             return best
-        if indoor:
+        if shot == "chase" and indoor:
             other = seen(_BETWEEN_WALLS, _UP, above=self._above)
-        elif shot == "chase" or best.worth < 0.0:
+        elif not indoor and best.worth < 0.0:
             # In narrow streets the only one that sees the robot.
             follows = behind(path, self._structures.setting.chase)
             follows = follows.past_walls(self._structures, path.places)
