@@ -129,7 +129,7 @@ class MapBeside:
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
         inset = self._scene.inset(moment, self._window(time), self._colours, lost)
-        head = self.name
+        head = f"Map of {self.name}" if self._among_robots else self.name
         for wall in self.close[: int(ended)]:
             hits, off = hits_on(run, wall)
             head += f"  ·  hits ±{100 * off:.0f} cm" * bool(len(hits))

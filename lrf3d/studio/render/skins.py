@@ -76,7 +76,7 @@ def facade(day: Single, place: tuple[float, float], wall: Single, pixel: float) 
 
 
 @borrower
-def room_wall(day: Single, place: tuple[float, float], wall: Single, pixel: float) -> None:
+def room_wall(day: Single, place: tuple[float, float], wall: Single, pixel: float) -> float:
     """A skirting board, and frames at the free ends of a wall."""
     along, height = place
     kind = math.floor(wall[2])
@@ -91,6 +91,7 @@ def room_wall(day: Single, place: tuple[float, float], wall: Single, pixel: floa
     frames = (0.62, 0.48, 0.36)
     for k in range(3):
         day[k] *= (1.0 + board * (boards[k] - 1.0)) * (1.0 + frame * (frames[k] - 1.0))
+    return 1.0 - 0.7 * frame
 
 
 @borrower
@@ -154,8 +155,7 @@ def dress(day: Single, place: tuple[float, float], wall: Single, pixel: float, c
     if house:
         return facade(day, place, wall, pixel)
     if wall[2] < 6.0:
-        room_wall(day, place, wall, pixel)
-        return 1.0
+        return room_wall(day, place, wall, pixel)
     if wall[1] > 1.3 and wall[0] > 3.5:
         return rack(day, place, wall, pixel)
     if wall[0] > 0.5:

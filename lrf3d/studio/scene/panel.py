@@ -14,7 +14,7 @@ from lrf3d.geometry.lines import lengths
 from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
-from lrf3d.studio.scene.bodies import robots_of
+from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import CLOSES, CLOSING_TIME, GHOST_COLOUR, Drift
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
@@ -171,7 +171,7 @@ def _card(run: Run, playback: float) -> Label:
         found += false_words(false_after(run, len(run) - 1))
         rest = f"what it never saw stays dark  ·  {objects}"
     lost = lost_words(run)
-    missed = [(f"{NAMED} {lost}", _whole(look.FALSE_COLOUR))] * bool(lost)
+    missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
     told = [(subject.found, _INK)] * bool(subject.found)
     drifted = _drifted(run, playback)
@@ -190,7 +190,7 @@ def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]
         return []
     loops = f"{counted(len(run.estimate.closures), 'time')} at a known place again"
     alone = f"━ Odometry alone ends {metres(drift.total)} off"
-    return [(alone, _whole(GHOST_COLOUR)), (loops, _PALE)]
+    return [(alone, whole(GHOST_COLOUR)), (loops, _PALE)]
 
 
 def _trails(
@@ -203,13 +203,13 @@ def _trails(
     ]
     if others := robots_of(run.obstacles):
         colours = [look.TRAIL_COLOUR, *(colour for _, colour in others)]
-        names = robots or ["this robot", *["another robot"] * len(others)]
+        names = robot_names(run.obstacles, robots)
         found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
     if (drift := _drift_of(run, playback)) is not None:
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
-    return [(words.rstrip(), _whole(colour)) for words, colour in found]
+    return [(words.rstrip(), whole(colour)) for words, colour in found]
 
 
 def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[str, look.Colour]]:
@@ -222,7 +222,7 @@ def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[s
     return found
 
 
-def _whole(colour: look.Colour) -> tuple[int, int, int]:
+def whole(colour: look.Colour) -> tuple[int, int, int]:
     """A colour for text in whole numbers, paler on its dark ground."""
     red, green, blue = (round(255 * part) for part in look.paler(colour))
     return red, green, blue

@@ -4,6 +4,7 @@ For each shot, the position is chosen from which the robot is visible and most o
 lit.
 """
 
+from collections.abc import Sequence
 from functools import cache
 from itertools import product
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.geometry.lines import Float, cross, directions
+from lrf3d.studio.scene.bodies import robot_names
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import CARD, behind, chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
@@ -51,6 +53,9 @@ _END_DRIFT = np.radians(7.0)
 # How steeply the camera may look down at the end [rad].
 _STEEPS = np.radians(np.arange(46.0, 87.0, 8.0)).tolist()
 
+# The same where there is glass: from higher up, panes would be lines.
+_PANE_STEEPS = np.radians([36.0]).tolist()
+
 # Number of moments at which a candidate shot is rated.
 _JUDGED = 13
 
@@ -87,7 +92,7 @@ _PROVES = np.radians([40.0, 52.0, 64.0, 76.0])
 
 # From where it looks along what is seen from its side [rad].
 _ASIDE = np.radians([-45.0, -135.0])
-_PROVES_ASIDE = np.radians([34.0, 44.0])
+_PROVES_ASIDE = np.radians([22.0, 28.0, 34.0])
 
 # What that camera shows around the robot at the least [m].
 _ROOM = 1.5
@@ -134,6 +139,10 @@ _UP = -0.25
 _SINKS = 0.2
 
 
+# Share of the rise in which the map beside the picture leaves.
+_LEAVES = 0.4
+
+
 class _Take(NamedTuple):
     """A camera path, what it is worth, and how much higher than usual walls are cut before it."""
 
@@ -163,15 +172,16 @@ class Story:
         self._exposure = exposure
         others = (each.path.at for each in timeline.run.obstacles if each.is_robot)
         self._paths = [SmoothPath.of(timeline, poses) for poses in (timeline.poses, *others)]
-        # How many robots the shots show by turns.
-        self.robots = 1
+        # The names of the robots that the shots show by turns; of one, others have none.
+        self.names: Sequence[str] = ()
         # The aspect of the picture when the map beside it has left; 0 if that stays.
         self.widens = 0.0
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
         # There it comes to rest.
-        self._plan = overview(timeline, structures, CARD, middle, 0.0, _STEEPS)
+        steeps = _PANE_STEEPS if structures.glass.any() else _STEEPS
+        self._plan = overview(timeline, structures, CARD, middle, 0.0, steeps)
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
@@ -190,13 +200,13 @@ class Story:
         passed = (time - shot.start) / max(shot.end - shot.start, TINY)
         # The rise shows the whole world, which is then its own map.
         risen = {"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)
-        share = float(_eased(risen))
+        left = float(_eased(risen / _LEAVES))
         return track.look(
             time,
             cuts=True,
             above=above * max(1.0 - risen / _SINKS, 0.0),
             dusk=max(_FIRST_DUSK, float(_eased(passed))) if shot.name == "opening" else 1.0,
-            inset=1.0 - share * bool(self.widens),
+            inset=1.0 - left * bool(self.widens),
             shot=FIRST_SHOT if shot.name == "opening" else shot.name,
             said=self._said(number, time),
             robot=self._robot(number),
@@ -212,7 +222,9 @@ class Story:
             return (subject.title if passed < TITLE_TIME else _LIT,)
         told = self._leap(number) if passed < _LEAPS else ()
         if shot.name == "proof":
-            return (subject.proof if time < subject.until else subject.after, *told)
+            head = subject.proof if time < subject.until else subject.after
+            names = robot_names(self._timeline.run.obstacles, self.names)
+            return (head.format(*names), *told)
         # The rest of the run is shown in the time that is left.
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         if self.leaps and shot.name == "rise" and rushes:
@@ -222,7 +234,7 @@ class Story:
     def _robot(self, number: int) -> int:
         """Which robot a shot by its number follows: the first one opens and proves."""
         name = self.shots[number].name
-        return number % self.robots if name in SHOTS else 0
+        return number % max(1, len(self.names)) if name in SHOTS else 0
 
     def _leap(self, number: int) -> tuple[str, ...]:
         """How much of the run is left out before a shot by its number, if that is noticed."""

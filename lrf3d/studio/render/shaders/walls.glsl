@@ -77,12 +77,13 @@ vec3 facade(vec3 day, float own, vec2 pixel, inout float keeps) {
 }
 
 // A skirting, and frames where a wall ends free.
-vec3 room_wall(vec3 day, float kind, vec2 pixel) {
+vec3 room_wall(vec3 day, float kind, vec2 pixel, inout float keeps) {
     bool starts = kind == 3.0 || kind == 5.0, ends = kind > 3.5;
     float off = min(starts ? along : 9.0, ends ? wall.x - along : 9.0);
     float frame = clamp(0.5 + (0.09 - off) / pixel.x, 0.0, 1.0);
     float board = clamp(0.5 + (0.085 - height) / pixel.y, 0.0, 1.0);
     day = mix(day, day * vec3(0.60, 0.55, 0.50), board);
+    keeps = 1.0 - 0.7 * frame;
     return mix(day, day * vec3(0.62, 0.48, 0.36), frame);
 }
 
@@ -125,7 +126,7 @@ vec3 dressed(vec3 day, inout float keeps) {
     // Only in towns no light falls on tops. All branches would be computed for each pixel, were
     // this not a constant.
     if (TOP_LIT == 0.0) return facade(day, own, pixel, keeps);
-    if (kind < 5.5) return room_wall(day, kind, pixel);
+    if (kind < 5.5) return room_wall(day, kind, pixel, keeps);
     if (wall.y > 1.3 && wall.x > 3.5) return rack(day, own, pixel, keeps);
     return wall.x > 0.5 ? cupboard(day, pixel) : day;
 }

@@ -12,7 +12,7 @@ import shapely
 from PIL import Image, ImageDraw, ImageFilter
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import LEFT, Float, Int, Single, directions, lengths
+from lrf3d.geometry.lines import LEFT, Bool, Float, Int, Single, directions, lengths
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene.look import SUN, WALL_LIGHT, WHITE
 from lrf3d.studio.scene.shapes import GroundPicture, Painted, single
@@ -25,7 +25,14 @@ from lrf3d.studio.scene.stage.structures import Structures
 PLAIN = 0.0
 FACADE = 1.0
 ROOM_WALL = 2.0
+BARE_END = 5.0
 FURNITURE = 6.0
+
+# Largest thickness of solids that are walls of rooms, if they are as high [m].
+_THICKEST = 0.5
+
+# Largest length of the end of such a wall, at a door [m].
+_JAMB = 0.45
 
 # Least height of houses with windows [m].
 _WINDOWS_FROM = 3.5
@@ -204,12 +211,22 @@ def _skins(structures: Structures, number: Int, segments: Float) -> Single:
     if structures.indoor:
         # A wall of a room whose end is free ends at an opening.
         free = [_meeting(structures, each) < 2 for each in np.moveaxis(ends, 1, 0)]
-        kind = np.where(closed, FURNITURE, ROOM_WALL + free[0] + 2.0 * free[1])
+        jamb = closed & (lengths(whole) < _JAMB)
+        kind = np.where(jamb, BARE_END, ROOM_WALL + free[0] + 2.0 * free[1])
+        kind[closed & ~_thin(structures)[number]] = FURNITURE
     else:
         kind = np.where(closed & (tops > _WINDOWS_FROM), FACADE, PLAIN)
     columns = lengths(whole), tops, kind + own
     even = [np.broadcast_to(each[:, None], places.shape) for each in columns]
     return single(np.stack([places, *even], axis=2))
+
+
+def _thin(structures: Structures) -> Bool:
+    """Which walls (n,) are of solids that are walls of rooms: thin, and as high as any."""
+    solids = structures.solids
+    thin = 2.0 * shapely.area(solids) < _THICKEST * shapely.length(solids)
+    thin &= structures.solid_heights >= structures.heights.max(initial=0.0)
+    return np.isin(structures.objects, structures.solid_objects[thin])
 
 
 def _meeting(structures: Structures, places: Float) -> Int:
