@@ -82,7 +82,7 @@ _HIDDEN = 6.0
 _FAVOURED = 0.25
 
 # What is said after the title.
-_LIT = "Light shows what its laser has met"
+_LIT = "What its laser has seen is lit"
 
 # Time for which it is said that the film leaps [s of the film].
 _LEAPS = 1.1
@@ -96,6 +96,11 @@ _PROVES_ASIDE = np.radians([22.0, 28.0, 34.0])
 
 # What that camera shows around the robot at the least [m].
 _ROOM = 1.5
+
+# The same once a false room is known to be one [m], and the time in which the camera comes near to
+# that [s of the film, as fast as the rest].
+_CLOSER = 4.0
+_GOES = 0.35
 
 # Angle of view of that camera [rad].
 _FIELD = float(np.radians(46.0))
@@ -311,7 +316,15 @@ class Story:
             track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))
         path = SmoothPath(times, places, sway)
-        return self._seen(tracks, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
+        best = self._seen(tracks, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
+        if self._subject.aim is None:
+            return best
+        # What the map no longer holds needs no room.
+        corners = np.insert((places[:, None] + _CLOSER * AROUND).reshape(-1, 2), 2, 0.0, axis=1)
+        turn, steep = best.track.turns[:1], best.track.steeps[0]
+        near = fitted(corners, times[:1], turn, steep, _FIELD, aspect, _TEXT).at(times)
+        gone = _eased((times - self._subject.until) / (_GOES * self._timeline.playback))
+        return best._replace(track=self._between(best.track, near, gone))
 
     def _best(self, shot: str, path: SmoothPath, moments: Float, aspect: float) -> _Take:
         """The best camera path of a shot from the sides of the robot's path.

@@ -12,12 +12,13 @@ import shapely
 from PIL import Image, ImageDraw, ImageFilter
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import LEFT, Bool, Float, Int, Single, directions, lengths
+from lrf3d.geometry.lines import LEFT, Float, Int, Single, directions, lengths
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene.look import SUN, WALL_LIGHT, WHITE
 from lrf3d.studio.scene.shapes import GroundPicture, Painted, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure, expose, unexposed
+from lrf3d.studio.scene.stage.furniture import bedding, is_furniture, is_wooden
 from lrf3d.studio.scene.stage.structures import Structures
 
 # What walls show: nothing, windows and doors, skirting and frames, or shelves and drawers. For the
@@ -28,8 +29,8 @@ ROOM_WALL = 2.0
 BARE_END = 5.0
 FURNITURE = 6.0
 
-# Largest thickness of solids that are walls of rooms, if they are as high [m].
-_THICKEST = 0.5
+# Factors of the colour of tops of wood.
+_WOOD = np.array([1.12, 0.84, 0.58])
 
 # Largest length of the end of such a wall, at a door [m].
 _JAMB = 0.45
@@ -172,15 +173,20 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
         _skins(structures, number, segments),
         structures.objects[number],
     )
-    corners, owner = triangles(structures.solids)
-    level = corners[:, [0, 1, 2, 2]]
-    count = len(corners)
+    quads, beds, tints = bedding(structures)
+    plain = structures.solids.copy()
+    plain[beds] = shapely.Polygon()
+    corners, owner = triangles(plain)
+    level = np.concatenate([corners[:, [0, 1, 2, 2]], quads])
+    tints = np.concatenate([np.where(is_wooden(structures)[owner, None], _WOOD, 1.0), tints])
+    owner = np.append(owner, beds)
+    count = len(owner)
     high = np.broadcast_to(structures.solid_heights[owner, None], (count, 4))
-    light = even + sunny * sun_up
+    light = (even + sunny * sun_up) * tints
     objects = structures.solid_objects[owner]
     roofs = Painted(
         single(np.dstack([level, high])),
-        single(np.repeat(light * structures.solid_colours[owner, None], 4, axis=1)),
+        single(np.repeat((light * structures.solid_colours[owner])[:, None], 4, axis=1)),
         np.zeros((count, 4, 3), np.float32),
         np.zeros((count, 4, 4), np.float32),
         objects,
@@ -212,21 +218,14 @@ def _skins(structures: Structures, number: Int, segments: Float) -> Single:
         # A wall of a room whose end is free ends at an opening.
         free = [_meeting(structures, each) < 2 for each in np.moveaxis(ends, 1, 0)]
         jamb = closed & (lengths(whole) < _JAMB)
+        standing = structures.solid_objects[is_furniture(structures)]
         kind = np.where(jamb, BARE_END, ROOM_WALL + free[0] + 2.0 * free[1])
-        kind[closed & ~_thin(structures)[number]] = FURNITURE
+        kind[np.isin(structures.objects[number], standing)] = FURNITURE
     else:
         kind = np.where(closed & (tops > _WINDOWS_FROM), FACADE, PLAIN)
     columns = lengths(whole), tops, kind + own
     even = [np.broadcast_to(each[:, None], places.shape) for each in columns]
     return single(np.stack([places, *even], axis=2))
-
-
-def _thin(structures: Structures) -> Bool:
-    """Which walls (n,) are of solids that are walls of rooms: thin, and as high as any."""
-    solids = structures.solids
-    thin = 2.0 * shapely.area(solids) < _THICKEST * shapely.length(solids)
-    thin &= structures.solid_heights >= structures.heights.max(initial=0.0)
-    return np.isin(structures.objects, structures.solid_objects[thin])
 
 
 def _meeting(structures: Structures, places: Float) -> Int:
