@@ -157,19 +157,18 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
 
 def _card(run: Run, playback: float) -> Label:
     """What was found in the end: of the visible walls, if the truth is known."""
-    # A building of several colours is several objects.
-    objects = counted(run.map.object_count, "object")
     if not run.maps:
         found = f"{_mapped(run, -1)}, {counted(len(run), 'scan')}"
         rest = "what it never saw stays dark"
     elif not (run.knows_truth and len(run.world.segments)):
         driven = lengths(np.hstack([run.trajectory.poses[:-1, :2], run.trajectory.poses[1:, :2]]))
         found = f"{distances(run)} became {counted(len(run.map), 'segment')}"
+        objects = counted(run.map.object_count, "object")
         rest = f"{driven.sum():.0f} m driven  ·  {objects}"
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         found += false_words(false_after(run, len(run) - 1))
-        rest = f"what it never saw stays dark  ·  {objects}"
+        rest = "what it never saw stays dark"
     lost = lost_words(run)
     missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
