@@ -22,7 +22,7 @@ from lrf3d.studio.scene.found import (
 )
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
-from lrf3d.studio.scene.panel import metres
+from lrf3d.studio.scene.panel import INK, PALE, metres
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
 from lrf3d.studio.scene.timeline import smoothed
 
@@ -61,12 +61,6 @@ _CLOSE_UNTIL = 4.0
 
 # Colour of the frame of a map, 0…255.
 _FRAME_COLOUR = (38, 50, 72)
-
-# Colour of the first row, 0…255.
-INK = (236, 240, 247)
-
-# Colour of the other rows, 0…255.
-PALE = (184, 196, 216)
 
 
 class MapBeside:
@@ -163,7 +157,8 @@ class MapBeside:
         order = "walls in the map" if own else "walls, early to late"
         walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
         if (self._among_robots or not self._colours) and has_false_walls(run):
-            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
+            why = "robots taken for walls" if self._among_robots else "false walls"
+            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), (why, PALE)))
         return [
             *walls * bool(len(run.maps)),
             self._row(seen, ("seen by the laser", PALE)),

@@ -16,19 +16,18 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.beside import INK, LETTER, Comparison, MapBeside, together
+from lrf3d.studio.render.beside import LETTER, Comparison, MapBeside, together
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of, stacked
 from lrf3d.studio.scene import panel
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
-from lrf3d.studio.scene.look import FALSE_COLOUR, PALE_WALL, SIZE, TRAIL_COLOUR, Colour
+from lrf3d.studio.scene.look import PALE_WALL, SIZE, TRAIL_COLOUR, Colour
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
 from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
 from lrf3d.studio.scene.shots import FIRST_SHOT, LENGTH, LONGEST, SHORTEST, SHOTS
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
-from lrf3d.studio.scene.subject import TAKEN
 from lrf3d.studio.scene.timeline import Moment, Timeline
 from lrf3d.studio.scene.views import make_camera, margin
 from lrf3d.world.cameras import check_view
@@ -254,16 +253,11 @@ class Film:
             robots=tuple(self._scenes),
         )
         if any(words) and panel.has_card(self.run, moment, view):
-            label = label._replace(**self._card(*words))
+            # What each has found is in its colour.
+            tints = [panel.whole(colour or PALE_WALL) for colour in self.scene.team.values()]
+            text = words[0], *(f"{NAMED} {each}" for each in words[1:])
+            label = label._replace(text=text, colours=(panel.INK, *tints))
         return label
-
-    def _card(self, head: str, *each_found: str) -> dict[str, Any]:
-        """The text of the card of several robots, what each has found in its colour."""
-        names = [f"{NAMED} {words}" for words in each_found]
-        colours = [panel.whole(colour) for colour in self.scene.team.values() if colour]
-        why = [TAKEN] * head.endswith("false")
-        red = [panel.whole(FALSE_COLOUR)] * len(why)
-        return {"text": (head, *names, *why), "colours": (INK, *colours, *red)}
 
     def _beside(self, picture: Pixels, time: float) -> Pixels:
         """A picture (h, w, 3) with the maps of a time [s] in the strip beside it."""

@@ -35,10 +35,10 @@ SIZE = 40.0
 _FULL_SIZE = 19.0
 
 # Colour of the first line, 0…255.
-_INK = (236, 240, 247)
+INK = (236, 240, 247)
 
 # Colour of the other lines, 0…255.
-_PALE = (184, 196, 216)
+PALE = (184, 196, 216)
 
 # All shots of the film's own cameras.
 _SHOTS = (FIRST_SHOT, PROOF, "rise", "whole", *SHOTS)
@@ -123,10 +123,10 @@ def panel(
         said += [run.map_after(moment.mapped).counts] * bool(run.maps)
     said = said or [_passed(run, moment, playback, head, view.shot)]
     others = [
-        *((words, _PALE) for words in said),
+        *((words, PALE) for words in said),
         *_trails(run, moment, view.shot, playback, robots),
     ]
-    return _label([(head, _INK), *others], _FULL_SIZE if full else SIZE)
+    return _label([(head, INK), *others], _FULL_SIZE if full else SIZE)
 
 
 def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> str:
@@ -172,14 +172,14 @@ def _card(run: Run, playback: float) -> Label:
     lost = lost_words(run)
     missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
-    told = [(subject.found, _INK)] * bool(subject.found)
+    told = [(subject.found, INK)] * bool(subject.found)
     drifted = _drifted(run, playback)
     # What the film is about comes first.
     if subject.moment is not None:
         told += drifted[:1]
         drifted = drifted[1:]
-    colour = _PALE if told else _INK
-    return _label([*told, (found, colour), *missed, *drifted, (rest, _PALE)], SIZE)
+    colour = PALE if told else INK
+    return _label([*told, (found, colour), *missed, *drifted, (rest, PALE)])
 
 
 def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
@@ -189,7 +189,7 @@ def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]
         return []
     loops = f"{counted(len(run.estimate.closures), 'time')} at a known place again"
     alone = f"━ Odometry alone ends {metres(drift.total)} off"
-    return [(alone, whole(GHOST_COLOUR)), (loops, _PALE)]
+    return [(alone, whole(GHOST_COLOUR)), (loops, PALE)]
 
 
 def _trails(
@@ -227,6 +227,6 @@ def whole(colour: look.Colour) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float) -> Label:
+def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float = SIZE) -> Label:
     text, colours = zip(*(line for line in lines if line[0]), strict=True)
     return Label(text, colours, size)

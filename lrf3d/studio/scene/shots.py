@@ -135,8 +135,8 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     starts = timeline.start + playback * starts
     proves = (starts < proven) & (proven <= starts + playback * each)
     ends = starts + playback * np.where(proves, part, each)
-    turn = np.cumsum(~proves) - 1
-    names = np.where(proves, PROOF, np.array(SHOTS)[turn % len(SHOTS)]).tolist()
+    others = np.array(SHOTS)[(np.cumsum(~proves) - 1) % len(SHOTS)]
+    names = np.where(proves, PROOF, others).tolist()
     takes = each * np.where(proves, _SLOWER, 1.0)
     begun = timeline.start + playback * min(OPENING, 0.5 * first)
     last = float(ends[-1])

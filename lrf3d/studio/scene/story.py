@@ -7,14 +7,14 @@ lit.
 from collections.abc import Sequence
 from functools import cache
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.geometry.lines import Float, cross, directions
 from lrf3d.studio.scene.bodies import robot_names
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
-from lrf3d.studio.scene.cameras import CARD, behind, chase, fitted, overview
+from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
 from lrf3d.studio.scene.shots import CLOSING, FIRST_SHOT, LENGTH, SHOTS, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
@@ -33,10 +33,6 @@ _NEAR_TURN = 0.7
 
 # When that camera has risen, as a share of the opening.
 _RISEN = 0.75
-
-# Additional downward tilt half-way on the camera's path to the overview of a town [rad]: houses
-# hide less of the robot.
-_INTO_STREETS = 0.5
 
 # Largest distance of the camera of a shot, as a share of the overview's.
 _SHARE = 0.75
@@ -78,9 +74,6 @@ _TOO_MUCH = 0.05
 # Penalty for a shot in which the robot is hidden all the time.
 _HIDDEN = 6.0
 
-# Bonus for the nearest camera of a shot, and for the farthest of the opening.
-_FAVOURED = 0.25
-
 # What is said after the title.
 _LIT = "What its laser has seen is lit"
 
@@ -114,16 +107,21 @@ _RUSH = 1.2
 
 
 class _Rigs(NamedTuple):
-    """Camera distances [m], and downward angles [degrees]."""
+    """Camera distances [m], downward angles [degrees], and how far pictures are moved up."""
 
     aways: tuple[float, ...]
     steeps: tuple[float, ...]
+    shift: float = 0.1
 
+
+# How far pictures from eye height are moved up, in halves of their height: more of the walls is
+# seen.
+_UP = -0.25
 
 # Candidate positions of the cameras of shots, in towns and in rooms.
 _TOWN = {
     "opening": _Rigs((22.0, 31.0, 44.0), (62.0, 78.0)),
-    "chase": _Rigs((4.5, 7.0), (10.0, 16.0)),
+    "chase": _Rigs((4.5, 7.0), (10.0, 16.0), _UP),
     "close": _Rigs((24.0, 34.0), (32.0, 42.0, 55.0)),
     "above": _Rigs((46.0, 60.0), (70.0, 78.0)),
 }
@@ -135,14 +133,10 @@ _ROOMS = {
 }
 
 # The same in rooms whose walls are not cut, between which the camera then stands.
-_BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0))
-
-# How far these pictures are moved up, in halves of their height: more of the walls is seen.
-_UP = -0.25
+_BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0), _UP)
 
 # Share of the rise in which walls sink to where they are cut.
 _SINKS = 0.2
-
 
 # Share of the rise in which the map beside the picture leaves.
 _LEAVES = 0.4
@@ -268,9 +262,8 @@ class Story:
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
             held = self._held(before.track, number - 1, times)
-            streets = 0.0 if self._structures.indoor else _INTO_STREETS
             # Walls that were not cut before sink.
-            return _Take(self._between(held, whole, share, streets), above=before.above)
+            return _Take(self._between(held, whole, share), above=before.above)
         whose = self._paths[self._robot(number)]
         places = interpolated(times, whose.times, whose.places)
         sway = np.linspace(-_SWAY, _SWAY, count)
@@ -334,35 +327,22 @@ class Story:
         indoor = self._structures.indoor
         most = _SHARE * float(self._whole.track(aspect).aways.min())
 
-        def seen(rigs: _Rigs, shift: float = 0.1, **how: Any) -> _Take:
+        def seen(rigs: _Rigs, above: float = 0.0) -> _Take:
             sides = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
             tracks = [
                 CameraPath.along(
                     path,
                     path.headings + turn,
-                    Rig(min(away, most), steep, shift=shift),
+                    Rig(min(away, most), steep, shift=rigs.shift),
                 )
                 for turn, away, steep in product(sides, rigs.aways, rigs.steeps)
             ]
-            return self._seen(tracks, path, moments, aspect, **how)
+            return self._seen(tracks, path, moments, aspect, above)
 
-        rigs = (_ROOMS if indoor else _TOWN)[shot]
-        if shot == "chase" and not indoor:
-            best = seen(rigs, _UP)
-        else:
-            best = seen(rigs, far=shot == "opening")
-        if shot == "opening":
-            return best
-        if shot == "chase" and indoor:
-            other = seen(_BETWEEN_WALLS, _UP, above=self._above)
-        elif not indoor and best.worth < 0.0:
-            # In narrow streets the only one that sees the robot.
-            follows = behind(path, self._structures.setting.chase)
-            follows = follows.past_walls(self._structures, path.places)
-            other = self._seen([follows], path, moments, aspect)
-        else:
-            return best
-        return max(best, other, key=lambda take: take.worth)
+        takes = [seen((_ROOMS if indoor else _TOWN)[shot])]
+        if indoor and shot == "chase":
+            takes.append(seen(_BETWEEN_WALLS, self._above))
+        return max(takes, key=lambda take: take.worth)
 
     def _seen(
         self,
@@ -370,24 +350,20 @@ class Story:
         path: SmoothPath,
         moments: Float,
         aspect: float,
-        far: bool = False,
         above: float = 0.0,
     ) -> _Take:
         """The best of camera paths: the robot on a path is visible, and most of the picture is lit.
 
-        Near ones are favoured, or far ones. Walls are cut higher than usual by some metres.
+        Walls are cut higher than usual by some metres.
         """
         tops = self._structures.heights if above else self._structures.tops
-        aways = np.array([track.aways[0] for track in tracks])
-        favoured = aways / aways.max() if far else aways.min() / aways
         eyes = np.array([track.at(moments).eyes() for track in tracks])
         robots = interpolated(moments, path.times, path.places)
         hidden = self._structures.hides(eyes, robots, self._timeline.run.radius, tops)
         # Those that show the robot the most.
         chosen = np.flatnonzero(hidden <= hidden.min() + _TOO_MUCH)
         lit = np.array([self._lit(tracks[k], moments[::4], aspect, tops) for k in chosen.tolist()])
-        worth = lit - _DARK_HALF * (lit < 0.5) + _FAVOURED * favoured[chosen]
-        worth -= _HIDDEN * hidden[chosen]
+        worth = lit - _DARK_HALF * (lit < 0.5) - _HIDDEN * hidden[chosen]
         best = int(np.argmax(worth))
         return _Take(tracks[int(chosen[best])], float(worth[best]), above)
 
@@ -419,13 +395,8 @@ class Story:
         mapped[number] = found["mapped"][number] <= np.repeat(now, count)[number]
         return float((down & seen).mean() + _MAPPED * (seen & mapped).mean())
 
-    def _between(
-        self, near: CameraPath, far: CameraPath, share: Float, streets: float = 0.0
-    ) -> CameraPath:
-        """Views on the way from a near to a far camera path, at shares (k,) 0…1 of it.
-
-        Half-way they look down by a further angle [rad].
-        """
+    def _between(self, near: CameraPath, far: CameraPath, share: Float) -> CameraPath:
+        """Views on the way from a near to a far camera path, at shares (k,) 0…1 of it."""
         # The distance grows exponentially.
         aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
         gap = far.aways - near.aways
@@ -439,7 +410,6 @@ class Story:
         steeps, shifts = (
             a + down * (b - a) for a, b in ((near.steeps, far.steeps), (near.shifts, far.shifts))
         )
-        steeps += np.sin(np.pi * down) * streets
         middles = near.middles + moved[:, None] * (far.middles - near.middles)
         return CameraPath(
             near.times, middles, near.turns + share * turned, steeps, aways, fields, shifts

@@ -41,10 +41,6 @@ _FROM_AFAR = ("rise", "whole")
 _NEAR = 0.8
 
 
-# What is said of false walls among robots.
-TAKEN = "Red: a robot taken for a wall"
-
-
 class Subject(NamedTuple):
     """What a film is about."""
 
@@ -157,7 +153,7 @@ def _robots(run: Shown, since: float) -> Subject | None:
         np.vstack([_nearest(run, scans[first], false[first]), there[nearest]]),
         f"Here {{0}} meets {{{1 + nearest}}}",
         entered,
-        TAKEN,
+        "Red: a robot taken for a wall",
         told=True,
     )
 

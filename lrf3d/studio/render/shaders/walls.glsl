@@ -54,7 +54,6 @@ vec3 facade(vec3 day, float own, vec2 pixel, inout float keeps) {
     float bay = wall.x / bays, number = floor(along / bay), u = along - (number + 0.5) * bay;
     // What is finer than a pixel goes over to its mean.
     float near = clamp(1.6 - 2.2 * max(pixel.x / bay, pixel.y / STOREY), 0.0, 1.0);
-    day *= 1.0 - 0.16 * strip(v, 0.05, pixel.y) * step(0.5, level) * near;
     day *= 1.0 + 0.10 * strip(height - wall.y, 0.30, pixel.y);
     if (level >= storeys) return day;
     bool low = level < 0.5;
@@ -65,15 +64,13 @@ vec3 facade(vec3 day, float own, vec2 pixel, inout float keeps) {
     float middle = 0.5 * (base + top), high = 0.5 * (top - base);
     float frame = strip(u, wide + 0.12, pixel.x) * strip(v - middle, high + 0.12, pixel.y);
     float pane = strip(u, wide, pixel.x) * strip(v - middle, high, pixel.y);
-    // The upper part lies in the shadow of the lintel; a bar parts the pane.
-    float shade = 0.55 + 0.45 * smoothstep(0.0, 0.5, (top - v) / (top - base));
+    // A bar parts the pane.
     float bar = door ? 0.0 : strip(u, 0.035, pixel.x) * clamp(0.05 / pixel.x, 0.0, 1.0);
-    vec3 dark = door ? vec3(0.44, 0.33, 0.25) : vec3(0.26, 0.30, 0.36) * shade + vec3(0.0, 0.012, 0.03);
-    float sill = door ? 0.0 : strip(u, wide + 0.20, pixel.x) * strip(v - base + 0.14, 0.05, pixel.y);
+    vec3 dark = door ? vec3(0.44, 0.33, 0.25) : vec3(0.22, 0.27, 0.34);
     day = mix(day, day * 1.10, frame * near);
     day = mix(day, day * dark, pane * (1.0 - 0.75 * bar));
     keeps = 1.0 - 0.25 * pane * near;
-    return day * (1.0 + 0.14 * near * sill);
+    return day;
 }
 
 // A skirting, and frames where a wall ends free.

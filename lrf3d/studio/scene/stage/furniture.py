@@ -1,6 +1,6 @@
-"""Furniture: what stands in rooms and is no wall, and the bedding that makes a box a bed.
+"""Furniture: which solids stand in rooms and are no walls, and what the tops of beds show.
 
-Structures enter; which solids are furniture, colours of their tops, and quads on these leave.
+Structures enter; masks of their solids, and quads on these with their tints leave.
 """
 
 import numpy as np
@@ -12,32 +12,32 @@ from lrf3d.studio.scene.stage.structures import Structures
 # Largest thickness of solids that are walls of rooms, if they are as high [m].
 _THICKEST = 0.5
 
-# Largest height of tables, beds and shelves whose tops are of wood [m].
+# Largest height of furniture whose top is of wood [m].
 _LOW = 1.2
 
-# Least and largest width and length of a double bed [m].
-_LEAST_BED = np.array([1.3, 1.8])
-_LARGEST_BED = np.array([2.2, 2.3])
+# Least and largest width and length of double beds (2, 2) [m].
+_BEDS = np.array([[1.3, 1.8], [2.2, 2.3]])
 
 # Distance from a wall at which the head of a bed stands at the most [m].
 _AT_WALL = 0.4
 
-# Factors of the colours of a sheet, a pillow and a cover.
-_SHEET = (1.0, 1.0, 1.02)
-_PILLOW = (1.3, 1.3, 1.32)
-_COVER = (0.66, 0.76, 0.95)
-
-# What the top of a bed shows: from and to where in its width, and in its length from the head on.
-_BEDDING = (
-    (0.0, 0.0, 1.0, 0.05, _SHEET),
-    (0.0, 0.05, 0.08, 0.25, _SHEET),
-    (0.08, 0.05, 0.46, 0.25, _PILLOW),
-    (0.46, 0.05, 0.54, 0.25, _SHEET),
-    (0.54, 0.05, 0.92, 0.25, _PILLOW),
-    (0.92, 0.05, 1.0, 0.25, _SHEET),
-    (0.0, 0.25, 1.0, 0.36, _SHEET),
-    (0.0, 0.36, 1.0, 1.0, _COVER),
+# The sheet of a bed round two pillows, and its cover: from and to where in its width and, from the
+# head on, in its length, as shares.
+_BEDDING = np.array(
+    [
+        [0.00, 0.00, 1.00, 0.05],
+        [0.00, 0.05, 0.08, 0.25],
+        [0.46, 0.05, 0.54, 0.25],
+        [0.92, 0.05, 1.00, 0.25],
+        [0.00, 0.25, 1.00, 0.36],
+        [0.08, 0.05, 0.46, 0.25],
+        [0.54, 0.05, 0.92, 0.25],
+        [0.00, 0.36, 1.00, 1.00],
+    ]
 )
+
+# Factors of their colours.
+_LINEN = np.array([*[[1.0, 1.0, 1.02]] * 5, *[[1.3, 1.3, 1.32]] * 2, [0.66, 0.76, 0.95]])
 
 
 def is_furniture(structures: Structures) -> Bool:
@@ -58,38 +58,24 @@ def bedding(structures: Structures) -> tuple[Float, Int, Float]:
 
     Low furniture of the size of a double bed is one if a wall stands at its head.
     """
-    quads = list[Float]()
-    beds = list[int]()
-    tints = list[tuple[float, ...]]()
-    for bed in np.flatnonzero(is_wooden(structures)).tolist():
-        head = _head(structures, bed)
-        for left, near, right, far, tint in _BEDDING * bool(len(head)):
-            shares = np.array([[left, near], [right, near], [right, far], [left, far]])
-            quads.append(head[0] + shares @ (head[1:] - head[0]))
-            beds.append(bed)
-            tints.append(tint)
+    low = is_wooden(structures)
+    wall = ~np.isin(structures.objects, structures.solid_objects[low])
+    walls = shapely.multilinestrings(structures.tree.geometries[wall])
+    boxes = shapely.orient_polygons(shapely.minimum_rotated_rectangle(structures.solids))
+    # Each of the four sides of a box may be the head.
+    corners = shapely.get_coordinates(boxes).reshape(-1, 5, 2)[:, :4]
+    sides = np.roll(corners, -1, axis=1) - corners
+    width = np.hypot(*np.moveaxis(sides, 2, 0))
+    size = np.stack([width, np.roll(width, -1, axis=1)], axis=2)
+    fits = ((size >= _BEDS[0]) & (size <= _BEDS[1])).all(axis=2) & low[:, None]
+    fits &= shapely.dwithin(walls, shapely.points(corners + 0.5 * sides), _AT_WALL)
+    beds = np.flatnonzero(fits.any(axis=1))
+    head = np.argmax(fits[beds] * size[beds, :, 1], axis=1)
+    axes = np.stack([sides[beds, head], -sides[beds, head - 1]], axis=1)
+    places = _BEDDING[:, [[0, 1], [2, 1], [2, 3], [0, 3]]] @ axes[:, None]
+    quads = corners[beds, head][:, None, None] + places
     return (
-        np.reshape(quads, (-1, 4, 2)),
-        np.array(beds, np.int64),
-        np.reshape(tints, (-1, 3)),
+        quads.reshape(-1, 4, 2),
+        np.repeat(beds, len(_BEDDING)),
+        np.tile(_LINEN, (len(beds), 1)),
     )
-
-
-def _head(structures: Structures, solid: int) -> Float:
-    """Three corners (3, 2) of a bed, both at the head first; none (0, 2) if it is no bed."""
-    outline = structures.solids[solid]
-    box = shapely.orient_polygons(shapely.minimum_rotated_rectangle(outline))
-    corners = shapely.get_coordinates(box)[:4]
-    own = structures.objects == structures.solid_objects[solid]
-    walls = shapely.multilinestrings(structures.tree.geometries[~own])
-    longest = 0.0
-    found = np.zeros((0, 2))
-    for turned in range(4):
-        first, second, _, last = np.roll(corners, turned, axis=0)
-        size = np.hypot(*np.array([second - first, last - first]).T)
-        fits = ((size >= _LEAST_BED) & (size <= _LARGEST_BED)).all()
-        middle = shapely.points(0.5 * (first + second))
-        if fits and size[1] > longest and shapely.dwithin(walls, middle, _AT_WALL):
-            longest = size[1]
-            found = np.array([first, second, last])
-    return found

@@ -26,7 +26,6 @@ from lrf3d.studio.scene.stage.structures import Structures
 PLAIN = 0.0
 FACADE = 1.0
 ROOM_WALL = 2.0
-BARE_END = 5.0
 FURNITURE = 6.0
 
 # Factors of the colour of tops of wood.
@@ -216,10 +215,10 @@ def _skins(structures: Structures, number: Int, segments: Float) -> Single:
     own = _OWN * np.mod(structures.objects[number] * _GOLDEN, 1.0)
     if structures.indoor:
         # A wall of a room whose end is free ends at an opening.
-        free = [_meeting(structures, each) < 2 for each in np.moveaxis(ends, 1, 0)]
         jamb = closed & (lengths(whole) < _JAMB)
+        free = [jamb | (_meeting(structures, each) < 2) for each in np.moveaxis(ends, 1, 0)]
         standing = structures.solid_objects[is_furniture(structures)]
-        kind = np.where(jamb, BARE_END, ROOM_WALL + free[0] + 2.0 * free[1])
+        kind = ROOM_WALL + free[0] + 2.0 * free[1]
         kind[np.isin(structures.objects[number], standing)] = FURNITURE
     else:
         kind = np.where(closed & (tops > _WINDOWS_FROM), FACADE, PLAIN)
