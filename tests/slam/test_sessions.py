@@ -63,6 +63,13 @@ def test_a_drive_is_found_on_a_plan_and_on_a_map_without_a_first_pose(kind):
     assert stretch.first < 20 and stretch.last > len(found.poses) - 20 and not stretch.carried
     assert stretch.probability >= 0.99
     assert apart.max() < 0.2 and turned.max() < 0.05
+    assert found.map_scale == 1.0
+
+
+@pytest.mark.parametrize("scale", [0.96, 1.04])
+def test_a_map_of_another_size_than_the_drive_is_noticed(scale):
+    found = lrf3d.localise_log(ROOMS.scaled(scale), log_of(drive(ROOMS, BACK, seed=3)))
+    assert len(found.stretches) == 1 and found.map_scale == pytest.approx(scale, abs=0.011)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5])

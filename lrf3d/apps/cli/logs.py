@@ -189,6 +189,11 @@ def _localise_recorded(
     if not found.stretches:
         warn(f"{args.log}: nowhere on the map with certainty; the likeliest place has a"
              f" probability of {found.probability:.2g}")  # fmt: skip
+    if found.map_scale != 1.0:
+        share = abs(found.map_scale - 1.0)
+        size = "larger" if found.map_scale > 1.0 else "smaller"
+        warn(f"{args.world}: about {100.0 * share:.0f} % {size} than what the scans show: check its"
+             " resolution, or the unit of the scans")  # fmt: skip
     world = known.world if isinstance(known, Run) else known
     chosen = np.flatnonzero(found.known)
     save_tum(found.log.times[chosen], found.poses[chosen], output.path / "trajectory.tum")

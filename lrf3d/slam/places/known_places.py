@@ -5,6 +5,7 @@ A world, a ROS map or a run enters. Its occupied cells give the likelihood field
 hit in an unknown cell counts little. A map of cells is used as it is; walls are drawn into cells.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -61,6 +62,12 @@ MOST_PLACES = 30
 # Distance [m] and turn [rad] up to which two poses are the same place.
 APART = 1.0
 TURNED = 0.3
+
+# Scales at which scans are compared with a map.
+SCALES = np.linspace(0.9, 1.1, 21)
+
+# Largest deviation of a scale that is none: maps of others differ from their lasers by up to 2 %.
+AGREED_SCALE = 0.025
 
 
 @compiled
@@ -205,6 +212,23 @@ class KnownPlaces:
         poses, scores = climbed(local, hits, self._scores, self.side)
         return compose(self.origin, poses), scores
 
+    def scale(self, poses: Float, scans: Sequence[Records]) -> float:
+        """How many times larger this map is than what scans (k,) show at poses (k, 3) on it.
+
+        It is 1 unless most of them fit better at another scale.
+        """
+        scores = np.array(
+            [
+                [self.climbed(pose[None], _scaled(hits, scale))[1][0] for scale in SCALES]
+                for pose, hits in zip(poses, scans, strict=True)
+            ]
+        )
+        best = int(scores.mean(axis=0).argmax())
+        unscaled = scores[:, np.abs(SCALES - 1.0).argmin()]
+        is_better = np.median(scores[:, best] - unscaled) > 0.0
+        is_other = abs(SCALES[best] - 1.0) > AGREED_SCALE
+        return round(float(SCALES[best]), 2) if is_other and is_better else 1.0
+
     def fits(self, pose: Float, hits: Records) -> bool:
         """Whether hits fit better at a pose (3,) than at any of several poses all over the map."""
         poses = between(self.origin, np.vstack([pose, self._anywhere]))
@@ -239,3 +263,11 @@ class KnownPlaces:
         next_peak = 0.5  # Least distance between them [m],
         next_turn = 0.15  # or turn [rad].
         return ranked[distinct(ranked, next_peak, next_turn, most_climbed)]
+
+
+def _scaled(hits: Records, scale: float) -> Records:
+    """Hits as they would be if the laser had measured ranges so many times longer."""
+    hits = hits.copy()
+    hits["x"] *= scale
+    hits["y"] *= scale
+    return hits

@@ -124,6 +124,8 @@ class PlaceSearch:
         self._is_followed = False
         self._moved = np.array([np.inf, np.inf])
         self._pose: Float | None = None
+        # The hits of scans, by number.
+        self.hits: dict[int, Records] = {}
         # The scans since the last place was lost.
         self._drive: list[_Seen] = []
         self._new = 0
@@ -148,7 +150,8 @@ class PlaceSearch:
         self._moved += size_of(step)
         if (self._moved >= SPACING).any() and len(scan.hits):
             self._moved[:] = 0.0
-            self._drive.append(_Seen(number, pose, _used(scan.hits)))
+            self.hits[number] = _used(scan.hits)
+            self._drive.append(_Seen(number, pose, self.hits[number]))
             self._new += 1
             if self._is_followed:
                 self._follow()

@@ -34,6 +34,9 @@ CARRIED_SHARE = 0.1
 # A robot was carried if it is found turned by more than this [rad] from where its steps lead.
 CARRIED_TURN = 0.5
 
+# Number of scans by which the scales of a map and of a drive are compared.
+SCALED = 30
+
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
@@ -53,13 +56,15 @@ class LocalisedLog:
     """A log on a known map: poses (k, 3) of the robot at its scans, NaN where they are not known.
 
     Each of the stretches is a part of the drive whose place is known. ``probability`` is that of
-    the best hypothesis after the last scan.
+    the best hypothesis after the last scan. The map is ``map_scale`` times larger than what the
+    scans show; 1 if the two agree within 2 %.
     """
 
     log: LaserLog
     poses: Float
     stretches: tuple[Stretch, ...]
     probability: float
+    map_scale: float = 1.0
 
     def __repr__(self) -> str:
         return f"LocalisedLog({self.log.name}, {int(self.known.sum())} of {len(self.poses)} scans)"
@@ -77,7 +82,11 @@ class LocalisedLog:
              "last_pose": self.poses[each.last].tolist()}
             for each in self.stretches
         ]  # fmt: skip
-        found = {"scans_localised": int(self.known.sum()), "probability": self.probability}
+        found = {
+            "scans_localised": int(self.known.sum()),
+            "probability": self.probability,
+            "map_scale": self.map_scale,
+        }
         return {"name": self.log.name, "log": self.log.counts, **found, "stretches": parts}
 
 
@@ -138,7 +147,19 @@ def localise_log(
         poses[part] = bent(front[part], np.array([*path]) - begin, np.array([*path.values()]))
         carried = bool(parts) and _is_carried(front, poses, parts[-1].last, begin)
         parts.append(Stretch(begin, found.last, found.probability, carried))
-    return LocalisedLog(log, poses, tuple(parts), search.probability)
+    return LocalisedLog(log, poses, tuple(parts), search.probability, _map_scale(places, search))
+
+
+def _map_scale(places: KnownPlaces, search: PlaceSearch) -> float:
+    """How many times larger a map is than what the scans show that were found on it."""
+    placed = [
+        (pose, search.hits[number]) for found in search.found for number, pose in found.path.items()
+    ]
+    if not placed:
+        return 1.0
+    chosen = np.linspace(0, len(placed) - 1, min(len(placed), SCALED)).astype(np.int64)
+    poses, scans = zip(*(placed[k] for k in chosen), strict=True)
+    return places.scale(np.array(poses), scans)
 
 
 def _is_carried(front: Float, poses: Float, last: int, begin: int) -> bool:
