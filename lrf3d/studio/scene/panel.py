@@ -16,6 +16,7 @@ from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
+from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
 from lrf3d.studio.scene.drift import CLOSES, CLOSING_TIME, GHOST_COLOUR, Drift
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
 from lrf3d.studio.scene.glass import TURNED_COLOUR
@@ -208,6 +209,8 @@ def _trails(
         off = drift.off(moment.time - run.trajectory.times.min())
         found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
+    red, green, blue = HEIGHT_COLOURS[1].tolist()
+    found += [("━ points of a lidar", (red, green, blue))] * bool(run.cloud_sensors.lidars)
     return [(words.rstrip(), whole(colour)) for words, colour in found]
 
 

@@ -41,7 +41,7 @@ _SHARE = 0.75
 _SIDES = 12
 
 # Angle by which the camera circles the robot in a shot, to each side of its middle [rad].
-_SWAY = np.radians(9.0)
+_SWAY = np.radians(5.0)
 
 # Angular speed at which the camera circles the world at the end [rad/s of the film].
 _END_DRIFT = np.radians(7.0)
@@ -122,8 +122,8 @@ _UP = -0.25
 _TOWN = {
     "opening": _Rigs((22.0, 31.0, 44.0), (62.0, 78.0)),
     "chase": _Rigs((4.5, 7.0), (10.0, 16.0), _UP),
-    "close": _Rigs((24.0, 34.0), (32.0, 42.0, 55.0)),
-    "above": _Rigs((46.0, 60.0), (70.0, 78.0)),
+    "close": _Rigs((20.0, 28.0), (40.0, 52.0)),
+    "above": _Rigs((38.0, 50.0), (74.0,)),
 }
 _ROOMS = {
     "opening": _Rigs((8.0, 11.0, 14.0), (42.0, 52.0, 62.0)),
