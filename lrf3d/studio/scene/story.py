@@ -44,7 +44,7 @@ _SIDES = 12
 _SWAY = np.radians(5.0)
 
 # Angular speed at which the camera circles the world at the end [rad/s of the film].
-_END_DRIFT = np.radians(7.0)
+_END_DRIFT = np.radians(6.0)
 
 # How steeply the camera may look down at the end [rad].
 _STEEPS = np.radians(np.arange(46.0, 87.0, 8.0)).tolist()
@@ -139,7 +139,7 @@ _BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0), _UP)
 _SINKS = 0.2
 
 # Share of the rise in which the map beside the picture leaves.
-_LEAVES = 0.4
+_LEAVES = 0.6
 
 
 class _Take(NamedTuple):
