@@ -123,7 +123,7 @@ class MapBeside:
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
         inset = self._scene.inset(moment, self._window(time), self._colours, lost)
-        head = f"Map of {self.name}" if self._among_robots else self.name
+        head = "Map of " * self._among_robots + self.name
         for wall in self.close[: int(ended)]:
             hits, off = hits_on(run, wall)
             head += f"  ·  hits ±{100 * off:.0f} cm" * bool(len(hits))
