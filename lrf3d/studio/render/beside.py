@@ -132,7 +132,7 @@ class MapBeside:
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
         inset = self._scene.inset(moment, self._window(time), self._colours, lost)
-        named = f"Map of {self.name}" if self._among_robots else self.name
+        named = "Map of " * self._among_robots + self.name
         of = f" of {len(found)}" * (not self._among_robots)
         counts = f"{found.sum()}{of} walls"
         wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
