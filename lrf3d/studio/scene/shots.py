@@ -67,6 +67,9 @@ _PROVEN = 0.8
 # Share of that shot which comes before its moment.
 _BEFORE = 0.45
 
+# The same share where the shot before it has shown what comes before.
+_CLOSED = 0.1
+
 # Rounding of its moment [s].
 _ROUNDING = 1e-6
 
@@ -195,7 +198,7 @@ def _starts(
     part = min(each, _PROVEN)
     since = subject_of(timeline.run, timeline.playback).since
     fast = int(since is not None and count > 1)
-    wished = (moment - timeline.start) / timeline.playback - _BEFORE * part
+    wished = (moment - timeline.start) / timeline.playback - (_CLOSED if fast else _BEFORE) * part
     proves = min(max(wished, first), lasts - each)
     begun = proves if since is None else (since - timeline.start) / timeline.playback
     begins = min(max(begun, first), proves)
