@@ -46,6 +46,18 @@ def handlers():
     interrupts._asked = 0
 
 
+@pytest.fixture
+def written(tmp_path):
+    """Writes a text, or bytes, to a file of the folder of the test; returns its path."""
+
+    def write(name, content):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
 @pytest.fixture(scope="module")
 def chromium():
     """Chromium, for as many pages as the tests of a file want."""

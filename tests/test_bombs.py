@@ -233,12 +233,10 @@ print(json.dumps([said, used.ru_utime + used.ru_stime, used.ru_maxrss / 1e6]))
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(COUNT))
-def test_a_bomb_is_a_value_or_one_line(number, tmp_path, monkeypatch):
+def test_a_bomb_is_a_value_or_one_line(number, written, tmp_path, monkeypatch):
     monkeypatch.setenv(isolation.FACTOR, "1")
     make, ending = BOMBS[number % len(BOMBS)]
-    bomb = make(random.Random(number))
-    path = tmp_path / f"a.{ending}"
-    path.write_bytes(bomb.encode() if isinstance(bomb, str) else bomb)
+    path = written(f"a.{ending}", make(random.Random(number)))
     is_log = ending in ("log.gz", "csv", "log", "npz", "mcap", "db3")
     kind = "load_log" if is_log else "load_world"
     options = {"resolution": 0.05} if ending == "png" else {}

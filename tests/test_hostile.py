@@ -73,7 +73,7 @@ def test_pictures_of_patterns_and_plans_of_stars_are_refused_by_what_they_would_
 
 
 @pytest.mark.slow
-def test_trees_at_one_place_are_one_and_others_all_stand(tmp_path):
+def test_trees_at_one_place_are_one_and_others_all_stand(written):
     """Whatever their sizes are, the work grows as their number."""
     rng = np.random.default_rng(0)
     corners = [(0, 0), (1e-4, 0), (1e-4, 1e-4), (0, 1e-4)]
@@ -86,8 +86,9 @@ def test_trees_at_one_place_are_one_and_others_all_stand(tmp_path):
         for n, (x, y, h) in enumerate([*same, *near, (0.003, 0.001, 10.0)], 10)
     ]
     way = "".join(f'<nd ref="{n}"/>' for n in (0, 1, 2, 3, 0)) + '<tag k="building" v="yes"/>'
-    (tmp_path / "a.osm").write_text(f"<osm>{''.join(lines)}<way id='1'>{way}</way></osm>")
-    world = lrf3d.load_world(tmp_path / "a.osm", trees=True)
+    world = lrf3d.load_world(
+        written("a.osm", f"<osm>{''.join(lines)}<way id='1'>{way}</way></osm>"), trees=True
+    )
     middles = world.segments[world.heights == 10.0].reshape(-1, 12, 2).mean(axis=1)
     assert len(middles) == 2 and 10 < world.object_count < 8000
 

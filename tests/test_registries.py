@@ -89,10 +89,11 @@ def test_a_noise_that_makes_ranges_of_what_was_too_near_is_found_out():
         keeps(Bias(0.1))
 
 
-def test_a_noise_that_is_entered_has_a_key_in_world_files(monkeypatch, tmp_path):
+def test_a_noise_that_is_entered_has_a_key_in_world_files(monkeypatch, written):
     monkeypatch.setitem(NOISES, ("bias",), lambda lrf, offset: Bias(offset))
-    file = tmp_path / "w.toml"
-    file.write_text("[[object]]\npoints = [[5, -9], [5, 9]]\n[noise]\nsigma = 0\nbias = 0.25\n")
+    file = written(
+        "w.toml", "[[object]]\npoints = [[5, -9], [5, 9]]\n[noise]\nsigma = 0\nbias = 0.25\n"
+    )
     assert lrf3d.load_scenario(file).noise(WALL, 0).ranges[50] == WALL.ranges[50] + 0.25
     assert lrf3d.load_scenario(file, ["noise.bias=0.5"]).noise(WALL, 0).ranges[50] == 4.5
     with pytest.raises(InputError, match="did you mean 'bias'"):

@@ -98,7 +98,7 @@ class LaserRangeFinder(Value):
         check("angle_max", least=-LARGEST_ANGLE, most=LARGEST_ANGLE)
         check("angle_min", "rad up to angle_max", least=-LARGEST_ANGLE, most=self.angle_max)
         # [rad] An unrolled scan of a full turn may be wider, but by less than half a turn.
-        widest = 3.0 * math.pi
+        widest = 3 * math.pi
         if max(-self.angle_min, self.angle_max, width := self.angle_max - self.angle_min) > widest:
             text = f"range finder: angles from {self.angle_min:g} to {self.angle_max:g} rad are a"
             advice = f"for degrees write math.radians({self.angle_max:g})"

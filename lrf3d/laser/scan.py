@@ -40,6 +40,9 @@ from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 # The attributes of a scan for its light: number of axes, and the value of a beam without return.
 LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}
 
+# Largest median range that a laser on a robot measures [m]: a larger one is in other units.
+LARGEST_MEDIAN = 100.0
+
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class LaserScan(Value, Pictured):
@@ -340,9 +343,7 @@ def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
 
 def doubtful_unit(ranges: Float) -> str | None:
     """Why ranges (n,) of hits are unlikely to be in metres, in a sentence; None if they may be."""
-    # [m] The largest median range that a laser on a robot measures.
-    largest_median = 100.0
-    if len(ranges) and (middle := float(np.median(ranges))) > largest_median:
+    if len(ranges) and (middle := float(np.median(ranges))) > LARGEST_MEDIAN:
         return (
             f"half of the ranges are over {middle:g}: expected metres; divide millimetres by 1000,"
             " centimetres by 100"

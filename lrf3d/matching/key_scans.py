@@ -49,6 +49,10 @@ AT = 0.05
 # Largest share of points that beams may pass at a right place: doors open and people walk.
 MOST_THROUGH = 0.04
 
+# The same of a few scans: all of them may see a door that was closed or a lorry that has left, and
+# lasers with ten beams see false corners.
+MOST_THROUGH_PART = 0.2
+
 # The scans of all lasers at one moment.
 Moment = tuple[LaserScan, ...]
 

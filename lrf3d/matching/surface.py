@@ -78,7 +78,7 @@ def range_noise(scan: LaserScan) -> float:
     # The median; `np.median` takes ten times as long for the values of a scan.
     middle = known[(len(known) - 1) // 2 : len(known) // 2 + 1]
     # It gives a standard deviation, and a second difference has six times the variance.
-    return float(1.4826 * middle.mean() / np.sqrt(6.0)) if len(known) else 0.0
+    return float(1.4826 * middle.mean() / np.sqrt(6)) if len(known) else 0.0
 
 
 @compiled

@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 
 from lrf3d.base.errors import WorldError
+from lrf3d.base.units import INCH
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, Int
-from lrf3d.world.model import INCH
 
 # Largest distance [m] of chords from their curve: about the width of a laser beam.
 CURVE_ERROR = 0.005

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import (
+    LARGEST_TIME,
     ROUNDING,
     TINY,
     Float,
@@ -88,7 +89,7 @@ def follow_route(
     most = None if most is None else whole_number(most, "most")
     number(speed, "speed", positive=True)
     number(lookahead, "lookahead", positive=True)
-    number(dt, "dt", "seconds", positive=True, most=1e5)
+    number(dt, "dt", "seconds", positive=True, most=LARGEST_TIME)
     follower = _Follower(path, as_pose(path.start if start is None else start), lookahead)
     per_sample = max(1, round(dt / CONTROL_STEP))
     step = dt / per_sample

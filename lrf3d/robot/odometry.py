@@ -270,7 +270,7 @@ class ImuRecord(Value):
         columns = self.turn_rates[:, None], self.accelerations
         spreads = [float(np.median(np.abs(np.diff(each, n=2, axis=0)))) for each in columns]
         # A second difference has six times the variance.
-        of_gyro, of_accelerometers = ((spread / NORMAL_MEDIAN) ** 2 / 6.0 for spread in spreads)
+        of_gyro, of_accelerometers = ((spread / NORMAL_MEDIAN) ** 2 / 6 for spread in spreads)
         return of_gyro, of_accelerometers
 
     @classmethod

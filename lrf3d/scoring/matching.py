@@ -64,7 +64,7 @@ def _assign(own: Int, wall: Int, cost: Float) -> Int:
     each = np.arange(len(walls))
     # A column more for each wall that stays unpaired, which costs more than all pairs together;
     # one is added to all costs, since the solver takes zero for no edge.
-    costs = np.append(cost, np.full(len(walls), 3.0 * (len(walls) + 1))) + 1.0
+    costs = np.append(cost, np.full(len(walls), 3 * (len(walls) + 1))) + 1.0
     places = np.append(row, each), np.append(column, len(owns) + each)
     table = coo_array((costs, places), shape=(len(walls), len(owns) + len(walls))).tocsr()
     rows, columns = min_weight_full_bipartite_matching(table)

@@ -20,7 +20,13 @@ from lrf3d.geometry.lines import Bool, Float
 from lrf3d.geometry.pose import Pose, between, compose
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
-from lrf3d.matching.key_scans import MOST_THROUGH, Key, most_through, seen_through_both
+from lrf3d.matching.key_scans import (
+    MOST_THROUGH,
+    MOST_THROUGH_PART,
+    Key,
+    most_through,
+    seen_through_both,
+)
 from lrf3d.recordings.repair.pairs import WIDEST, is_clear
 from lrf3d.slam.motion import size_of
 
@@ -82,14 +88,10 @@ class SelfCheck(NamedTuple):
     def passed(self) -> bool:
         """Whether places that were seen again were compared, and nothing contradicts the poses."""
         most = most_through(self.mixed_pixels)
-        # Largest share of points that beams may pass in a part of the drive, where few scans count:
-        # all of them may see a door that was closed or a lorry that has left, and lasers with ten
-        # beams see false corners.
-        most_through_part = 0.2
         return (
             self.key_scans_compared > 0
             and self.violation <= most
-            and self.worst_violation <= most_through_part
+            and self.worst_violation <= MOST_THROUGH_PART
         )
 
     @property

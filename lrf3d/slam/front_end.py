@@ -420,7 +420,7 @@ def refined(
     for the scans up to the next one.
     """
     surrounding = 12  # Number of nearest key scans with which a scan is matched.
-    prior = np.diag([WEAK, WEAK, 10000.0])  # Information of a pose: 0.02 m and 0.01 rad.
+    prior = np.diag([WEAK, WEAK, 100**2])  # Information of a pose: 0.02 m and 0.01 rad.
     refined_poses = poses.copy()
     grid = None
     anchors = set(anchored.tolist())

@@ -11,17 +11,13 @@ import numpy as np
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import between
 from lrf3d.laser import LaserScan
-from lrf3d.matching.key_scans import ScanConverter, seen_through_both
+from lrf3d.matching.key_scans import MOST_THROUGH_PART, ScanConverter, seen_through_both
 from lrf3d.recordings.repair.pairs import explained
 
 # Share of points that adjacent scans explain on each side of a lift, and that no two scans explain
 # across it: at lifts 0.7 and more, and at most 0.43, also in logs with a scan a metre. Scans of
 # which the local map explains as much are not examined.
 AGREEING = 0.6
-
-# Least share of the points in view that beams pass through at a lift. A quick turn shows as little
-# of the scan before, but nothing that contradicts it.
-THROUGH = 0.2
 
 
 def lifts(
@@ -50,4 +46,5 @@ def _is_lifted(
         return False
     one, other = (converter.candidate(scans[k]) for k in (last, first))
     passed, seen = seen_through_both([one], other, between(poses[[last]], poses[first]))
-    return passed > THROUGH * seen
+    # A quick turn shows as little of the scan before, but nothing that contradicts it.
+    return passed > MOST_THROUGH_PART * seen

@@ -192,7 +192,7 @@ class Wheels:
         place, _, heading = self.excess.scale * np.array([place, place, heading]) ** 2
         # Wheels may slip anywhere on the path, and the slip turns the rest of it.
         lever = length / 2.0
-        aside = place + heading * length**2 / 3.0
+        aside = place + heading * length**2 / 3
         return np.array(
             [[place, 0.0, 0.0], [0.0, aside, lever * heading], [0.0, lever * heading, heading]]
         )

@@ -17,6 +17,7 @@ from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import ROUNDING, Float
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import TOUCHING, Part, walls, world_of_parts
+from lrf3d.world.schema import parse_colour
 
 # Thickness of walls [m].
 THICKNESS = 0.2
@@ -86,7 +87,9 @@ class FloorPlan:
             rings = [np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
             outline = np.concatenate([walls(np.round(ring, 3), closed=True) for ring in rings])
             called = f"walls {len(parts)}" if parts else "walls"
-            parts.append(Part(0, outline, np.array(DEFAULT_HEIGHT), called, (0.80, 0.77, 0.71)))
+            parts.append(
+                Part(0, outline, np.array(DEFAULT_HEIGHT), called, parse_colour("#ccc4b5"))
+            )
         parts += self.boxes
         return world_of_parts([p._replace(number=n) for n, p in enumerate(parts)], name)
 
@@ -115,8 +118,8 @@ def city(size: float, seed: int) -> World:
     rng = np.random.default_rng([seed, 1])
     heights = np.repeat(np.round(rng.uniform(5.0, 16.0, blocks**2), 1), 4)
     # Brick, sandstone, clay, slate and plaster.
-    facades = "b5654e c8b494 a88468 929aa2 cfc4b0".split()
-    shades = np.array([[*bytes.fromhex(each)] for each in facades]) / 255
+    facades = "#b5654e #c8b494 #a88468 #929aa2 #cfc4b0".split()
+    shades = np.array([parse_colour(each) for each in facades])
     colours = shades[rng.integers(0, len(shades), blocks**2)]
     return World(
         np.round(plain.segments, 3), plain.objects, heights, f"city {seed}", colours=colours
@@ -171,7 +174,7 @@ def _furnish(plan: FloorPlan, rng: np.random.Generator, room: Box, faces: float)
     clear = 0.4  # Least distance of a desk from the sides of its room [m].
     x = float(rng.uniform(left + clear, right - clear - desk[0]))
     y = _beside(bottom, top, 0.3, desk[1], faces > 0.0)
-    wood = (0.66, 0.50, 0.36)  # The colour of furniture.
+    wood = parse_colour("#a8805c")  # The colour of furniture.
     plan.box("desk", np.array([x, y]), desk, 0.75, wood)
     if rng.random() < 0.5:
         shelf = np.array([0.4, 1.6])
@@ -224,7 +227,7 @@ def _divide(
         if sides.min() > 1.8 * smallest_room:
             pillar = np.full(2, 0.6)  # Its sides [m].
             corner = np.round(low + 0.5 * sides - 0.5 * pillar, 2)
-            plan.box("pillar", corner, pillar, DEFAULT_HEIGHT, (0.62, 0.63, 0.65))
+            plan.box("pillar", corner, pillar, DEFAULT_HEIGHT, parse_colour("#9ea1a6"))
         return
     cut = float(np.round(rng.choice(free), 2))
     start = float(low[1 - axis])

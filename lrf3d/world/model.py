@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.base.errors import InputError, WorldError, shown
 from lrf3d.base.lazy import Pictured
+from lrf3d.base.units import FOOT, METRES
 from lrf3d.geometry.lines import (
     LARGEST_COORDINATE,
     Float,
@@ -47,11 +48,8 @@ SHEET = 2.0
 # town. Below 7.5, centimetres would be taken for inches; the message names the resulting size.
 TYPICAL = 12.0
 
-# Units other than metres in which plans and meshes are made, by their size [m].
-METRES = {"mm": 0.001, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "km": 1000.0}
+# Names of units other than metres by their size [m].
 UNITS = dict(zip(METRES.values(), "millimetres centimetres inches feet km".split(), strict=True))
-INCH = METRES["in"]
-FOOT = METRES["ft"]
 
 # Largest factor by which a plan is enlarged.
 LARGEST_SCALE = 1e6

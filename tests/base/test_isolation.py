@@ -68,14 +68,13 @@ def run_apart(path):
 
 @needs_linux
 @pytest.mark.parametrize("code", FAILURES)
-def test_whatever_happens_to_the_process_is_one_line(code, started, tmp_path, monkeypatch):
+def test_whatever_happens_to_the_process_is_one_line(code, started, written, tmp_path, monkeypatch):
     monkeypatch.setattr(isolation, "LEAST_MEMORY", 60_000_000)
     monkeypatch.setattr(isolation, "LEAST_SECONDS", 0)
     if "sleep" in code:
         monkeypatch.setattr(isolation, "PATIENCE", 0.4)
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "a.py"
-    path.write_text(code)
+    path = written("a.py", code)
     with pytest.raises(lrf3d.Lrf3dError, match=FAILURES[code]) as caught:
         run_apart(path)
     assert "\n" not in str(caught.value) and [*tmp_path.iterdir()] == [path] and len(started) == 1
@@ -158,13 +157,12 @@ def test_an_option_that_no_process_takes_is_named(started):
 
 @needs_linux
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_a_process_ends_with_its_parent(number, tmp_path, monkeypatch):
+def test_a_process_ends_with_its_parent(number, written, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setenv(isolation.FACTOR, "1")
-    path = tmp_path / "a.py"
     begun = tmp_path / "begun"
     os.mkfifo(begun)
-    path.write_text(f"open({str(begun)!r}).read()")
+    path = written("a.py", f"open({str(begun)!r}).read()")
     code = f"read_file('runpy:run_path', Path({str(path)!r}), {{}}, isolated=True)"
     code = f"from pathlib import Path; from lrf3d.base.isolation import read_file; {code}"
     parent = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)

@@ -219,10 +219,9 @@ def test_an_outline_that_is_no_body_is_refused(outline, message):
         Simulation(WALL, Holds(1.0, 0.0), on_collision="bounce")
 
 
-def test_an_outline_in_a_world_file_is_the_body_or_an_error_that_names_the_file(tmp_path):
-    path = tmp_path / "yard.toml"
+def test_an_outline_in_a_world_file_is_the_body_or_an_error_that_names_the_file(written):
     wall = "[[object]]\npoints = [[9, 0], [9, 1]]\n[robot]\noutline = "
-    path.write_text(wall + "[[-0.3, -0.2], [0.4, -0.2], [0.0, 0.3]]")
+    path = written("yard.toml", wall + "[[-0.3, -0.2], [0.4, -0.2], [0.0, 0.3]]")
     assert load_scenario(path).radius == pytest.approx(np.hypot(0.4, 0.2))
     path.write_text(wall + "[[1, 1], [2, 1], [2, 2]]")
     with pytest.raises(WorldError, match=r"yard.toml: robot.*outline: expected to contain"):

@@ -13,6 +13,19 @@ from lrf3d.slam.offline import solve_log
 
 SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)
 
+HALL = lrf3d.World(
+    [
+        *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
+        *([3, 2, 3.5, 2], [6, 5, 6, 4.2], [2, 5.5, 2.6, 5.1], [7, 1.5, 7.4, 1.9]),
+    ]
+)
+FLAT = lrf3d.World(
+    [
+        *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
+        *([4, 0, 4, 2.5], [4, 4, 4, 7], [6, 5, 7, 5], [7, 5, 7, 6], [1, 5.5, 2, 6]),
+    ]
+)
+
 
 class Holds:
     """A controller that holds one command."""
@@ -46,6 +59,13 @@ def drive(world, route, *, seed=0, position=0.01, heading=0.004, bias=0.03, lrf=
     steps = lrf3d.OdometryNoise(position, heading)(true, np.random.default_rng(seed))
     steps[:, 2] += bias * true[:, 0]
     return list(run.scans), path_of(run.trajectory.poses[0], steps), run.trajectory.poses
+
+
+def flat_drive(count):
+    """The first scans of a drive through the flat, their poses by wheels, and the true ones."""
+    route = [(1, 1), (3, 3.2), (5.5, 3.2), (8, 1), (8, 3.5), (5, 3.4), (1.5, 3), (2, 1)]
+    lrf = lrf3d.LaserRangeFinder(beams=181, range_max=20.0)
+    return [part[:count] for part in drive(FLAT, route, seed=2, lrf=lrf)]
 
 
 def followed(slam, scans, wheels):

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from lrf3d.casting import PlanarCaster
+from lrf3d import LineMapper, PlanarCaster
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise, RangeNoise
-from lrf3d.mapping import LineMapper
 from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.cells import LEAST, Cells, open_squares
 from lrf3d.mapping.robust.links import find_objects, link_walls

@@ -10,14 +10,11 @@ from ezdxf import xref
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from lrf3d import LaserRangeFinder, PlanarCaster, load_world, read_plan
 from lrf3d.base.errors import Lrf3dNote, WorldError
-from lrf3d.casting import PlanarCaster
 from lrf3d.geometry.lines import lengths
-from lrf3d.laser import LaserRangeFinder
 from lrf3d.plans import doubts
-from lrf3d.plans.reading import read_plan
 from lrf3d.plans.rules.doors import Door
-from lrf3d.world import load_world
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
 ROOM = '<rect width="6000" height="4000" fill="none" stroke="black"/>'
@@ -59,9 +56,8 @@ ELEMENTS = st.recursive(
     phases=[Phase.generate],
 )
 @given(st.lists(ELEMENTS, max_size=5))
-def test_elements_of_svg_are_used_or_left_out(tmp_path, elements):
-    (tmp_path / "a.svg").write_text(f'{SHEET}{ROOM}{"".join(elements)}<use href="#s"/></svg>')
-    added_up(read_plan(tmp_path / "a.svg"))
+def test_elements_of_svg_are_used_or_left_out(written, elements):
+    added_up(read_plan(written("a.svg", f'{SHEET}{ROOM}{"".join(elements)}<use href="#s"/></svg>')))
 
 
 def unknown(space, kind, layer):
@@ -149,7 +145,7 @@ def test_a_wall_that_a_doorway_cuts_is_closed_there(tmp_path):
     assert seen == pytest.approx([0.5, 0.5], abs=0.02)
 
 
-def test_rooms_that_are_drawn_as_areas_have_walls_around_them(tmp_path):
+def test_rooms_that_are_drawn_as_areas_have_walls_around_them(written):
     areas = [
         (0, 0, 4000, 4000, "#ccf"),
         (4000, 0, 4000, 4000, "#cfc"),
@@ -158,8 +154,7 @@ def test_rooms_that_are_drawn_as_areas_have_walls_around_them(tmp_path):
     body = "".join(
         '<rect x="{}" y="{}" width="{}" height="{}" fill="{}"/>'.format(*a) for a in areas
     )
-    (tmp_path / "a.svg").write_text(f"{SHEET}{body}</svg>")
-    plan = read_plan(tmp_path / "a.svg")
+    plan = read_plan(written("a.svg", f"{SHEET}{body}</svg>"))
     assert (
         lengths(plan.segments).sum() == pytest.approx(28 - 0.9, abs=0.01) and added_up(plan) == {}
     )
@@ -180,14 +175,13 @@ def test_a_long_building_is_not_taken_for_a_house(tmp_path):
     assert "?; --scale 1000 if it is in metres (60 m by 4 m); " in doubt
 
 
-def test_furniture_does_not_make_a_sheet_larger_than_a_house(tmp_path):
+def test_furniture_does_not_make_a_sheet_larger_than_a_house(written):
     rooms = row_of_rooms(5, open_=4)
     shelves = [[4 * n + 1, 1, 4 * n + 1.5, 1 + 0.1 * m] for n in range(5) for m in range(30)]
     lines = "".join(f"M{a} {b}L{c} {d}" for a, b, c, d in [*rooms, *shelves])
     sheet = '<svg width="20cm" height="4cm" viewBox="0 0 20 4" stroke="#000" stroke-width=".02">'
-    (tmp_path / "a.svg").write_text(f'{sheet}<path d="{lines}"/></svg>')
     assert "; --scale 100 if it is 1:100 (20 m by 4 m); " in str(
-        read_plan(tmp_path / "a.svg").doubts[-1]
+        read_plan(written("a.svg", f'{sheet}<path d="{lines}"/></svg>')).doubts[-1]
     )
 
 
@@ -260,11 +254,12 @@ def test_what_rules_cannot_settle_is_doubted(phrase, doubt):
     assert phrase.startswith(doubt) and bool(phrase) == bool(doubt)
 
 
-def test_coloured_rooms_with_dark_outlines_are_no_solid_blocks(tmp_path):
+def test_coloured_rooms_with_dark_outlines_are_no_solid_blocks(written):
     rooms = [f'<rect x="{x}" y="1" width="4" height="5" fill="#d33"/>' for x in (1, 5, 9)]
     sheet = '<svg width="15m" height="8m" viewBox="0 0 15 8" stroke="#000" stroke-width=".02">'
-    (tmp_path / "a.svg").write_text(f"{sheet}{''.join(rooms)}</svg>")
-    assert lengths(read_plan(tmp_path / "a.svg").segments).sum() == pytest.approx(44, abs=0.1)
+    assert lengths(
+        read_plan(written("a.svg", f"{sheet}{''.join(rooms)}</svg>")).segments
+    ).sum() == pytest.approx(44, abs=0.1)
 
 
 def test_a_doubt_names_the_editor(tmp_path):

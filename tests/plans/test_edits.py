@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from lrf3d import World, load_scenario, load_world, read_plan, save_world
 from lrf3d.base.errors import Lrf3dWarning, WorldError
 from lrf3d.geometry.lines import lengths
 from lrf3d.plans.decisions import (
@@ -21,9 +22,6 @@ from lrf3d.plans.decisions import (
     Scale,
 )
 from lrf3d.plans.edits import PlanEdits, read_edits
-from lrf3d.plans.reading import read_plan
-from lrf3d.simulation.scenario import load_scenario
-from lrf3d.world import World, load_world, save_world
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
 
@@ -33,9 +31,8 @@ ROOM = """<svg width="8m" height="6m" viewBox="0 0 800 600" fill="none" stroke="
 
 
 @pytest.fixture
-def room(tmp_path):
-    path = tmp_path / "room.svg"
-    path.write_text(ROOM)
+def room(written):
+    path = written("room.svg", ROOM)
     return path
 
 

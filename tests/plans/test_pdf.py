@@ -5,8 +5,7 @@ import pytest
 import shapely
 from drawn import pdf
 
-from lrf3d.base.errors import WorldError
-from lrf3d.world import load_world
+from lrf3d import WorldError, load_world
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
 

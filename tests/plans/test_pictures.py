@@ -61,6 +61,14 @@ class Sheet:
         return load_world(path, resolution=SIDE, **how)
 
 
+@pytest.fixture
+def sheet():
+    """A sheet with the walls of the plan."""
+    sheet = Sheet()
+    sheet.walls()
+    return sheet
+
+
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
     """The world of the walls alone."""
@@ -132,15 +140,11 @@ def test_walls_have_any_colour_on_any_paper(paper, ink, tmp_path):
         ),
     ],
 )
-def test_kinds_of_pixels_make_no_difference(convert, plain, tmp_path):
-    sheet = Sheet()
-    sheet.walls()
+def test_kinds_of_pixels_make_no_difference(sheet, convert, plain, tmp_path):
     assert np.array_equal(sheet.read(tmp_path, "other.png", convert).segments, plain.segments)
 
 
-def test_the_threshold_is_found_or_given(tmp_path):
-    sheet = Sheet()
-    sheet.walls()
+def test_the_threshold_is_found_or_given(sheet, tmp_path):
     sheet.box(6.0, 1.0, 7.5, 1.4, fill=(170, 170, 170))
     with pytest.warns(Lrf3dNote, match="found from the picture; --threshold"):
         plain = sheet.read(tmp_path)
@@ -149,9 +153,7 @@ def test_the_threshold_is_found_or_given(tmp_path):
         Sheet().read(tmp_path, "empty.png")
 
 
-def test_small_loose_parts_are_not_walls_but_pillars_are(tmp_path):
-    sheet = Sheet()
-    sheet.walls()
+def test_small_loose_parts_are_not_walls_but_pillars_are(sheet, tmp_path):
     sheet.box(5.0, 5.0, 5.3, 5.3, fill=(0, 0, 0))
     for x in (1.0, 1.2, 1.4, 1.6):
         sheet.box(x, 5.0, x + 0.1, 5.2, fill=(0, 0, 0))
@@ -185,9 +187,7 @@ def test_a_maze_of_centimetres_is_not_hatching(tmp_path):
     assert len(small.segments) >= 10 * 4
 
 
-def test_parts_of_a_sheet_next_to_a_plan_are_not_walls(plain, tmp_path):
-    sheet = Sheet()
-    sheet.walls()
+def test_parts_of_a_sheet_next_to_a_plan_are_not_walls(sheet, plain, tmp_path):
     sheet.image = ImageOps.expand(sheet.image, 150, (255, 255, 255))
     sheet.draw = ImageDraw.Draw(sheet.image)
 
@@ -206,9 +206,7 @@ def test_parts_of_a_sheet_next_to_a_plan_are_not_walls(plain, tmp_path):
     assert world.segments - 150 * SIDE == pytest.approx(plain.segments, abs=1.1 * SIDE)
 
 
-def test_swatches_of_a_legend_next_to_a_plan_are_not_walls(plain, tmp_path):
-    sheet = Sheet()
-    sheet.walls()
+def test_swatches_of_a_legend_next_to_a_plan_are_not_walls(sheet, plain, tmp_path):
     sheet.image = ImageOps.expand(sheet.image, (0, 0, 150, 0), (255, 255, 255))
     sheet.draw = ImageDraw.Draw(sheet.image)
     for y in range(4):
@@ -231,16 +229,12 @@ def test_a_door_with_thresholds_stands_open_where_its_leaf_and_arc_are_drawn(fac
     assert off(world) < 0.06 and find_route(world).notes == ()
 
 
-def test_the_space_between_a_solid_wall_and_an_axis_is_not_a_wall(plain, tmp_path):
-    sheet = Sheet()
-    sheet.walls()
+def test_the_space_between_a_solid_wall_and_an_axis_is_not_a_wall(sheet, plain, tmp_path):
     sheet.draw.line(sheet.at((4.6, -0.9), (4.6, 7.9)), fill=0)
     assert np.array_equal(sheet.read(tmp_path).segments, plain.segments)
 
 
-def test_a_scale_bar_under_a_plan_is_not_a_wall(tmp_path):
-    sheet = Sheet()
-    sheet.walls()
+def test_a_scale_bar_under_a_plan_is_not_a_wall(sheet, tmp_path):
     sheet.box(1, -0.8, 6, -0.6, fill=(0, 0, 0))
     assert off(sheet.read(tmp_path)) < 0.06
 
@@ -285,9 +279,7 @@ def test_a_square_shaft_with_a_label_in_its_corner_is_not_a_door(tmp_path):
     assert labelled.bounds == pytest.approx(plain.bounds)
 
 
-def test_round_letters_are_not_columns(tmp_path):
-    sheet = Sheet()
-    sheet.walls()
+def test_round_letters_are_not_columns(sheet, tmp_path):
     sheet.box(8.0, 5.0, 8.3, 5.3, fill=0)
     plain = sheet.read(tmp_path)
     ring = sheet.at((4.0, 5.2), (4.22, 4.98))

@@ -11,13 +11,12 @@ from drawn import dxf, svg
 from ezdxf import units
 from ezdxf.math import Vec2
 
+from lrf3d import load_world, read_plan
 from lrf3d.base.errors import Lrf3dNote, Lrf3dWarning, WorldError
 from lrf3d.geometry.lines import lengths
-from lrf3d.plans.reading import read_plan
 from lrf3d.plans.rules.patterns import is_pattern
 from lrf3d.plans.rules.strokes import RULES
 from lrf3d.studio.figures.figures import draw_world
-from lrf3d.world import load_world
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
 

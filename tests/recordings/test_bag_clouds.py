@@ -9,13 +9,12 @@ import pytest
 from bags import STORE, header, transform, wheels, write
 
 import lrf3d
+from lrf3d import InputError, load_log
 from lrf3d.apps.cli.inputs import read_log
 from lrf3d.apps.cli.parser import parse
-from lrf3d.base.errors import InputError
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.messages.clouds import CLOUD, POINT_FIELDS
 from lrf3d.messages.ros import TRANSFORMS, made
-from lrf3d.recordings import load_log
 from lrf3d.recordings.formats.bags.clouds import cloud_points
 from lrf3d.recordings.formats.bags.files import BagTopic
 from lrf3d.recordings.formats.bags.livox import livox_cloud
@@ -204,12 +203,11 @@ def test_clouds_in_a_fixed_frame_and_without_times_are_named(tmp_path):
         load_log(tmp_path / "b", height=(1.0, 0.0))
 
 
-def test_clouds_of_json_are_read(tmp_path):
+def test_clouds_of_json_are_read(written):
     fields = cloud(cast((0, 0, 0)), 5.0, "f4 f4 f4")
     fields["data"] = base64.b64encode(fields["data"].tobytes()).decode()
     line = json.dumps({"op": "publish", "topic": "/points", "msg": fields})
-    (tmp_path / "log.json").write_text(line + "\n")
-    assert len(load_log(tmp_path / "log.json").scans[0].points()) == 180
+    assert len(load_log(written("log.json", line + "\n")).scans[0].points()) == 180
 
 
 @pytest.mark.parametrize("frame", ["livox_frame", "lidar"])

@@ -19,9 +19,8 @@ from bags import (
 )
 
 import lrf3d
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, load_log
 from lrf3d.laser import Stamp
-from lrf3d.recordings import load_log
 from lrf3d.recordings.formats.bags.contents import ODOMETRY, POSE, SCAN, TRANSFORMS
 
 TURNS = {"upright": (0, 0, 0, 1), "upside down": (1, 0, 0, 0), "left": (0, 0, 0.5**0.5, 0.5**0.5)}
@@ -32,6 +31,10 @@ def drives(root, base, poses, topic="/tf"):
     for time, (x, y, theta) in enumerate(poses):
         turn = (0, 0, np.sin(theta / 2), np.cos(theta / 2))
         yield topic, time, TRANSFORMS, transform(float(time), root, base, (x, y, 0), turn)
+
+
+# A robot that drives a metre ahead.
+AHEAD = [*drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])]
 
 
 @pytest.mark.parametrize("way", ["tf", "odom", "truth"])
@@ -52,26 +55,23 @@ def test_the_laser_is_where_it_is_mounted(way, tmp_path):
 
 
 def test_a_laser_upside_down_has_mirrored_angles(tmp_path):
-    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
-    bag = write(tmp_path / "bag", mounted(turn=TURNS["upside down"]), *moves, *scans(0.0))
+    bag = write(tmp_path / "bag", mounted(turn=TURNS["upside down"]), *AHEAD, *scans(0.0))
     seen = load_log(bag).scans[0]
     assert seen.pose == (0.0, 0.0, 0.0) and seen.angles.tolist() == [1.0, 0.0, -1.0]
 
 
 def test_a_laser_that_is_tilted_is_refused(tmp_path):
-    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     tilt = (0, np.sin(0.3), 0, np.cos(0.3))
-    bag = write(tmp_path / "bag", mounted(turn=tilt), *moves, *scans(0.0))
+    bag = write(tmp_path / "bag", mounted(turn=tilt), *AHEAD, *scans(0.0))
     with pytest.raises(InputError, match="tilted by 34°"):
         load_log(bag)
 
 
 def test_transforms_up_to_the_map_come_before_odometry_and_behind_the_truth(tmp_path):
-    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     mapped = drives("map", "odom", [(10, 0, 0), (10, 0, 0)])
     drive = [("/odom", t, ODOMETRY, odometry(float(t), (7.0, 0.0, 0.0))) for t in range(2)]
     drive += [("/laser_odom", t, ODOMETRY, odometry(float(t), (9.0, 0.0, 0.0))) for t in range(2)]
-    bag = write(tmp_path / "bag", mounted(), *moves, *mapped, *drive, *scans(0.5))
+    bag = write(tmp_path / "bag", mounted(), *AHEAD, *mapped, *drive, *scans(0.5))
     assert load_log(bag).scans[0].pose == pytest.approx((10.5, 0, 0))
     assert load_log(bag).source == "/tf, laser in map"
     assert load_log(bag, poses="odom").scans[0].pose == pytest.approx((7, 0, 0))
@@ -86,10 +86,9 @@ def test_a_fixed_joint_that_is_published_repeatedly_is_no_drive(tmp_path):
 
 
 def test_invalid_scans_and_scans_without_a_pose_are_counted_and_named(tmp_path):
-    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     broken = scan(0.5)
     broken.angle_min = np.nan
-    bag = write(tmp_path / "bag", mounted(), *moves, *scans(0.5, 1.5), ("/scan", 0.6, SCAN, broken))
+    bag = write(tmp_path / "bag", mounted(), *AHEAD, *scans(0.5, 1.5), ("/scan", 0.6, SCAN, broken))
     log = load_log(bag)
     assert len(log) == 1 and log.bad_count == 2
     assert "expected at most a turn" in str(log.bad_lines[0])
@@ -99,13 +98,12 @@ def test_invalid_scans_and_scans_without_a_pose_are_counted_and_named(tmp_path):
 def test_bags_without_scans_or_poses_are_refused_with_what_is_missing(tmp_path):
     with pytest.raises(InputError, match=r"no poses in it.*lrf3d slam finds them"):
         lrf3d.map_log(write(tmp_path / "a", mounted(), *scans(0.0, 1.0)))
-    moves = list(drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)]))
     with pytest.raises(InputError, match="no topic of sensor_msgs/msg/LaserScan"):
-        load_log(write(tmp_path / "b", mounted(), *moves))
+        load_log(write(tmp_path / "b", mounted(), *AHEAD))
     with pytest.raises(InputError, match="no scan within the time"):
-        load_log(write(tmp_path / "c", mounted(), *moves, *scans(2.0)))
+        load_log(write(tmp_path / "c", mounted(), *AHEAD, *scans(2.0)))
     with pytest.raises(InputError, match=r"no scans on /front; there are /scan"):
-        load_log(write(tmp_path / "d", mounted(), *moves, *scans(0.0)), scan_topic="/front")
+        load_log(write(tmp_path / "d", mounted(), *AHEAD, *scans(0.0)), scan_topic="/front")
     (tmp_path / "e").mkdir()
     with pytest.raises(InputError, match=r"without \.mcap"):
         load_log(tmp_path / "e")
@@ -145,9 +143,8 @@ def test_the_base_is_found_from_the_laser_by_the_child_frame_of_the_odometry(tmp
 
 
 def test_without_a_topic_of_odometry_it_is_the_transforms_up_to_its_frame(tmp_path):
-    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     mapped = drives("map", "odom", [(10, 0, 0), (10, 0, 0)])
-    bag = write(tmp_path / "bag", mounted((0.2, 0, 0)), *moves, *mapped, *scans(0.5))
+    bag = write(tmp_path / "bag", mounted((0.2, 0, 0)), *AHEAD, *mapped, *scans(0.5))
     log = load_log(bag, poses="odom")
     assert log.source == "/tf, laser in odom" and log.mount == pytest.approx((0.2, 0, 0))
     assert log.scans[0].pose == pytest.approx((0.7, 0, 0))
@@ -181,9 +178,8 @@ def test_a_bag_whose_scans_are_all_invalid_names_the_first(tmp_path):
 
 def test_a_transform_whose_quaternion_is_not_a_rotation_is_not_used(tmp_path):
     zero = transform(0.0, "odom", "base_link", turn=(0, 0, 0, 0))
-    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     turned = mounted(turn=(0, 0, 0.7, 0.7))
-    bag = write(tmp_path / "bag", turned, ("/tf", 0, TRANSFORMS, zero), *moves, *scans(0.5))
+    bag = write(tmp_path / "bag", turned, ("/tf", 0, TRANSFORMS, zero), *AHEAD, *scans(0.5))
     log = load_log(bag)
     assert log.bad_count == 1 and "unit quaternion" in str(log.bad_lines[0])
     assert log.poses[0, 2] == pytest.approx(np.pi / 2)

@@ -13,9 +13,8 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import lrf3d
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, load_log
 from lrf3d.laser import Stamp
-from lrf3d.recordings import load_log
 from lrf3d.recordings.formats.bags.contents import ECHOES, ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.recordings.formats.bags.writer import made
 
@@ -177,7 +176,7 @@ def test_what_is_whole_in_a_file_that_was_cut_short_is_read(packed, share, tmp_p
         assert np.allclose(read, beams[: len(read)], rtol=1e-6, atol=0.0)
 
 
-def test_bags_of_ros_1_are_read(tmp_path):
+def test_bags_of_ros_1_are_read(written, tmp_path):
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
     with Writer(tmp_path / "drive.bag") as bag:
@@ -189,8 +188,7 @@ def test_bags_of_ros_1_are_read(tmp_path):
             bag.write(topics[topic], Stamp.of(time).nanoseconds, data)
     log = load_log(tmp_path / "drive.bag")
     assert log.source == "/odom" and log.poses[:, 0] == pytest.approx([0.7]) and not log.notes
-    cut = tmp_path / "cut.bag"
-    cut.write_bytes((tmp_path / "drive.bag").read_bytes()[:9900])
+    cut = written("cut.bag", (tmp_path / "drive.bag").read_bytes()[:9900])
     assert "cut.bag was cut short" in load_log(cut).notes[0]
 
 
@@ -338,10 +336,11 @@ def stampless(message):
     )
 
 
-def test_an_array_of_messages_may_be_indented(tmp_path):
-    path = tmp_path / "log.json"
+def test_an_array_of_messages_may_be_indented(written):
     lines = text_of(lambda topic, _, message: {"topic": topic, "msg": message}, *scans(1.0, 2.0))
-    path.write_text(json.dumps([json.loads(line) for line in lines.split("\n")], indent=1))
+    path = written(
+        "log.json", json.dumps([json.loads(line) for line in lines.split("\n")], indent=1)
+    )
     assert load_log(path).times == pytest.approx([1.0, 2.0])
 
 
@@ -362,11 +361,12 @@ def test_an_array_of_messages_may_be_indented(tmp_path):
         },
     ],
 )
-def test_lines_of_json_of_several_topics_are_read_as_bags_are(wrap, tmp_path):
+def test_lines_of_json_of_several_topics_are_read_as_bags_are(wrap, written):
     drive = [*scans(0.0, 1.0), *wheels(3), mounted((0.5, 0, 0))]
     seen = ("/scan", 2.0, SCAN, scan(2.0, ranges=(1.0, np.inf, 2.0)))
-    path = tmp_path / "log.jsonl"
-    path.write_text(text_of(wrap, *drive, seen) + '\n{"op": "subscribe", "topic": "/x"}\n{"topic"')
+    path = written(
+        "log.jsonl", text_of(wrap, *drive, seen) + '\n{"op": "subscribe", "topic": "/x"}\n{"topic"'
+    )
     log = load_log(path)
     assert log.poses[:, 0] == pytest.approx([0.5, 1.5, 2.5]) and log.bad_count == 1
     assert log.scans[2].ranges.tolist() == [1.0, np.inf, 2.0] and log.source.startswith("/odom")
@@ -379,8 +379,7 @@ def record(fields, data):
     return b"".join(len(each).to_bytes(4, "little") + each for each in (head, data))
 
 
-def test_bags_of_version_1_2_are_read_in_spite_of_wrong_lengths_of_their_index(tmp_path):
-    path = tmp_path / "old.bag"
+def test_bags_of_version_1_2_are_read_in_spite_of_wrong_lengths_of_their_index(written):
     parts = [b"#ROSBAG V1.2\n", record({"op": b"\3", "index_pos": b"\x20"}, b" " * 50)]
     for topic, time, kind, message in [*wheels(3), *scans(0.5, 1.5)]:
         data = STORE.cdr_to_ros1(STORE.serialize_cdr(message, kind), kind)
@@ -393,8 +392,7 @@ def test_bags_of_version_1_2_are_read_in_spite_of_wrong_lengths_of_their_index(t
         parts.append(record({"op": b"\2", "topic": topic.encode(), "type": name, **times}, data))
     index = {"op": b"\4", "ver": bytes(4), "count": (2).to_bytes(4, "little")}
     wrong = record(index, bytes(32)).replace((32).to_bytes(4, "little"), (7).to_bytes(4, "little"))
-    path.write_bytes(b"".join([*parts[:4], wrong, *parts[4:]]))
-    log = load_log(path)
+    log = load_log(written("old.bag", b"".join([*parts[:4], wrong, *parts[4:]])))
     assert log.poses[:, 0] == pytest.approx([0.5, 1.5]) and not log.notes
 
 

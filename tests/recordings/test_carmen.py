@@ -8,13 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic_run import around, box, make_run, make_world
 
-from lrf3d import map_log
-from lrf3d.apps.export import export_run
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, LaserRangeFinder, export_run, map_log, simulate
 from lrf3d.geometry.lines import wrap_angle
-from lrf3d.laser import LaserRangeFinder
 from lrf3d.recordings import LaserLog, load_log
-from lrf3d.simulation.recorder import simulate
 
 
 def front(readings, pose=(1.0, -2.0, 0.5), time=3.25):
@@ -110,9 +106,8 @@ def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
     assert [bad.number for bad in log.bad_lines] == [2, 3, 4, 5, 6]
 
 
-def test_an_endless_line_does_not_hide_what_follows(tmp_path):
-    path = tmp_path / "a.log"
-    path.write_bytes(b"FLASER 2 " + b"1 " * 3_000_000 + b"\n" + front([1, 2]).encode())
+def test_an_endless_line_does_not_hide_what_follows(written):
+    path = written("a.log", b"FLASER 2 " + b"1 " * 3_000_000 + b"\n" + front([1, 2]).encode())
     log = load_log(path)
     assert len(log) == 1 and log.bad_count > 0
 

@@ -5,9 +5,7 @@ import pytest
 from program import refused, told
 from synthetic_run import around, box, make_run, make_world
 
-from lrf3d.apps.export import export_run
-from lrf3d.base.errors import InputError
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d import InputError, LaserRangeFinder, LaserScan, export_run
 from lrf3d.recordings import LaserLog, load_log
 from lrf3d.recordings.degrade import degrade_log
 from lrf3d.recordings.formats.carmen_writer import write_log

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drives import HALL
 
 import lrf3d
 from lrf3d.geometry.pose import between, compose
@@ -17,17 +18,11 @@ PLACES = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (-0.2, 0.1, np.pi), (0.0, 0.0, 0.5 *
 
 def log_of(place):
     """A drive in turns, whose log has the poses of the robot as those of the laser."""
-    hall = lrf3d.World(
-        [
-            *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
-            *([3, 2, 3.5, 2], [6, 5, 6, 4.2], [2, 5.5, 2.6, 5.1], [7, 1.5, 7.4, 1.9]),
-        ]
-    )
     turns = np.tile([0.0, 0.8, 0.0, -0.6], 3)
     path = lrf3d.drive((2.0, 3.5, 0.0), np.full(12, 0.35), turns, duration=1.2, dt=0.1)
     lrf = lrf3d.LaserRangeFinder(-1.5, 1.5, 91, range_max=12.0, mount=place)
     noise = lrf3d.ProportionalNoise(0.02)
-    run = lrf3d.simulate(hall, path, lrf, noise=noise, scan_interval=0.3, rng=0)
+    run = lrf3d.simulate(HALL, path, lrf, noise=noise, scan_interval=0.3, rng=0)
     return LaserLog("hall", [replace(scan, pose=scan.robot, mount=CENTRE) for scan in run.scans])
 
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from lrf3d.laser import LaserScan
-from lrf3d.recordings import load_log
+from lrf3d import LaserScan, load_log
 from lrf3d.recordings.repair.no_return import NO_RETURN
 
 ANGLES = np.linspace(-1.0, 1.0, 21)

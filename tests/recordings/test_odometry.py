@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import drive, path_of
+from drives import flat_drive, path_of
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings.log import LaserLog, WheelRecord
 from lrf3d.recordings.repair.jumps import without_jumps
@@ -24,15 +23,7 @@ COUNT = 100
 @pytest.fixture(scope="module")
 def recorded():
     """A recording in a flat, with the true poses of its scans."""
-    flat = lrf3d.World(
-        [
-            *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
-            *([4, 0, 4, 2.5], [4, 4, 4, 7], [6, 5, 7, 5], [7, 5, 7, 6], [1, 5.5, 2, 6]),
-        ]
-    )
-    route = [(1, 1), (3, 3.2), (5.5, 3.2), (8, 1), (8, 3.5), (5, 3.4), (1.5, 3), (2, 1)]
-    lrf = lrf3d.LaserRangeFinder(beams=181, range_max=20.0)
-    scans, wheels, true = (part[:COUNT] for part in drive(flat, route, seed=2, lrf=lrf))
+    scans, wheels, true = flat_drive(COUNT)
     times = np.array([scan.time for scan in scans])
     record = WheelRecord(times, wheels, np.arange(COUNT))
     return LaserLog("flat", scans, wheels=record), true
@@ -153,12 +144,26 @@ def test_a_laser_that_turns_clockwise_unsaid_is_found_out(recorded):
     assert "mirror" not in solve_log(log).recording.found
 
 
-def test_odometry_in_degrees_is_refused(recorded):
+def in_degrees(poses):
+    return np.column_stack([poses[:, :2], np.degrees(np.unwrap(poses[:, 2]))])
+
+
+def jumping(poses):
+    return np.random.default_rng(0).normal(0.0, 1000.0, poses.shape)
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (in_degrees, "degrees|radians"),
+        (jumping, r"jumps at \d+ of 100 lines, first at line 1; exp"),
+    ],
+)
+def test_odometry_in_degrees_or_that_jumps_everywhere_is_refused(change, said, recorded):
     log, _ = recorded
-    poses = log.wheels.poses.copy()
-    poses[:, 2] = np.degrees(np.unwrap(poses[:, 2]))
-    with pytest.raises(InputError, match=r"degrees|radians"):
-        solve_log(replace(log, wheels=replace(log.wheels, poses=poses)))
+    wheels = replace(log.wheels, poses=change(log.wheels.poses))
+    with pytest.raises(lrf3d.InputError, match=said):
+        solve_log(replace(log, wheels=wheels))
 
 
 def test_stamps_that_fall_now_and_then_do_not_change_the_order(recorded):
@@ -223,14 +228,6 @@ def test_scans_that_are_stamped_late_get_the_poses_of_when_they_were_taken(recor
     assert figures_of(solution.recording)["late"] == pytest.approx([first, last], abs=0.05)
     assert "scans are stamped" in solution.recording.sentences[0]
     assert repaired_log(LaserLog("true", log.scans)).notes == ()
-
-
-def test_odometry_that_jumps_everywhere_is_refused(recorded):
-    log, _ = recorded
-    rng = np.random.default_rng(0)
-    wheels = replace(log.wheels, poses=rng.normal(0.0, 1000.0, (COUNT, 3)))
-    with pytest.raises(InputError, match=r"jumps at \d+ of 100 lines, first at line 1; expected"):
-        solve_log(replace(log, wheels=wheels))
 
 
 def test_without_stamps_nothing_is_taken_for_a_copy(recorded):

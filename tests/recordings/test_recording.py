@@ -45,12 +45,17 @@ def simulation(mode="robust", drive=POSES, scans=None, mapper=None, **settings):
     return lrf3d.Simulation(ROOM, drive, LRF, rng=7, **settings)
 
 
+@pytest.fixture
+def path(tmp_path):
+    """Where a run is recorded."""
+    return tmp_path / "run.npz"
+
+
 @pytest.mark.parametrize("mode", ["robust", pytest.param("paper", marks=pytest.mark.slow)])
-def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, tmp_path):
+def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, path, tmp_path):
     scans = SCANS if mode == "robust" else 300
     lrf3d.record(simulation(mode, scans=scans), tmp_path / "whole.npz")
     whole = (tmp_path / "whole.npz").read_bytes()
-    path = tmp_path / "run.npz"
     for at in (1, 97, 98, scans // 3, scans // 2, scans - 1, scans):
         with pytest.raises(Stop):
             lrf3d.record(simulation(mode, scans=scans), path, resume=True, progress=stopping(at))
@@ -61,7 +66,7 @@ def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, tmp_pat
 
 
 @pytest.mark.slow
-def test_a_controller_and_a_mapper_get_the_recorded_scans_again(tmp_path):
+def test_a_controller_and_a_mapper_get_the_recorded_scans_again(path, tmp_path):
     class Plain:
         """A mapper with nothing but an update that returns a LineMap."""
 
@@ -78,7 +83,6 @@ def test_a_controller_and_a_mapper_get_the_recorded_scans_again(tmp_path):
         )
 
     lrf3d.record(made(), tmp_path / "whole.npz")
-    path = tmp_path / "run.npz"
     for at in (150, 333):
         with pytest.raises(Stop):
             lrf3d.record(made(), path, resume=True, progress=stopping(at))
@@ -117,13 +121,12 @@ def stopped(tmp_path_factory):
 @pytest.mark.parametrize(
     "damage", ["cut within a row", "zeros", "no end", "something else", "no pose"]
 )
-def test_a_damaged_journal_is_valid_up_to_the_damage(damage, scans_left, stopped, tmp_path):
+def test_a_damaged_journal_is_valid_up_to_the_damage(damage, scans_left, stopped, path):
     whole, data, row = stopped
     place = len(data) - (55 - scans_left) * row
     rest = {"cut within a row": data[place:][: row // 2], "zeros": bytes(3 * row)}
     rest["no end"] = data[place:][: row // 2] + bytes(row)
     rest["no pose"] = data[place:][:16] + np.full(3, np.nan).tobytes() + data[place + 40 :]
-    path = tmp_path / "run.npz"
     path.with_suffix(".journal").write_bytes(
         data[:place] + rest.get(damage, b"something else" * row)
     )
@@ -136,10 +139,11 @@ def test_a_damaged_journal_is_valid_up_to_the_damage(damage, scans_left, stopped
 
 
 @pytest.mark.parametrize("state", [b"{", b"{}", b"[]", b"\xff", b'{"bit_generator": "PCG64"}'])
-def test_a_journal_with_an_invalid_state_of_the_random_numbers_is_refused(state, stopped, tmp_path):
+def test_a_journal_with_an_invalid_state_of_the_random_numbers_is_refused(
+    state, stopped, written, tmp_path
+):
     _, data, _ = stopped
-    journal = tmp_path / "run.journal"
-    journal.write_bytes(data[: -recording.RNG_BYTES] + state.ljust(recording.RNG_BYTES, b"\0"))
+    written("run.journal", data[: -recording.RNG_BYTES] + state.ljust(recording.RNG_BYTES, b"\0"))
     with pytest.raises(InputError, match=r"run\.journal: .* after scan 55 .*leave out --resume"):
         lrf3d.record(simulation(scans=60), tmp_path / "run.npz", resume=True)
 
@@ -149,8 +153,7 @@ def test_a_file_that_is_no_journal_is_begun_again(tmp_path):
     assert len(lrf3d.record(simulation(scans=3), tmp_path / "run.npz", resume=True)) == 3
 
 
-def test_another_run_is_not_resumed_and_its_difference_is_named(tmp_path):
-    path = tmp_path / "run.npz"
+def test_another_run_is_not_resumed_and_its_difference_is_named(path):
     with pytest.raises(Stop):
         lrf3d.record(simulation(scans=200), path, progress=stopping(150))
     for other, name in (("paper", "mapper"), ("robust", "scans")):
@@ -159,8 +162,7 @@ def test_another_run_is_not_resumed_and_its_difference_is_named(tmp_path):
     assert len(lrf3d.record(simulation(scans=201), path)) == 201
 
 
-def test_a_finished_run_is_not_run_again(tmp_path):
-    path = tmp_path / "run.npz"
+def test_a_finished_run_is_not_run_again(path):
     lrf3d.record(simulation(scans=50), path)
 
     class Never:
@@ -208,9 +210,8 @@ lrf3d.record(test_recording.simulation(), sys.argv[1], resume=True, progress=pro
 
 
 @pytest.mark.slow
-def test_a_killed_process_loses_next_to_nothing(tmp_path):
+def test_a_killed_process_loses_next_to_nothing(path, tmp_path):
     lrf3d.record(simulation(scans=SCANS), tmp_path / "whole.npz")
-    path = tmp_path / "run.npz"
     code = KILLED.format(path=[os.path.dirname(__file__), *sys.path])
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", code, path], text=True, **pipes) as process:
@@ -227,8 +228,7 @@ def test_a_killed_process_loses_next_to_nothing(tmp_path):
     assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
 
 
-def test_one_file_has_one_writer(tmp_path):
-    path = tmp_path / "run.npz"
+def test_one_file_has_one_writer(path, tmp_path):
 
     def another(done, total):
         if done == 2:
@@ -241,9 +241,8 @@ def test_one_file_has_one_writer(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["cut", "removed"])
-def test_a_journal_that_others_change_does_not_replace_the_run(damage, tmp_path, monkeypatch):
+def test_a_journal_that_others_change_does_not_replace_the_run(damage, path, monkeypatch):
     monkeypatch.setattr(recording, "FLUSHED_EVERY", 0.0)
-    path = tmp_path / "run.npz"
     lrf3d.record(simulation(scans=5), path)
     before = path.read_bytes()
     journal = path.with_suffix(".journal")
@@ -266,22 +265,20 @@ def test_what_cannot_be_replaced_is_known_before_the_drive(name, tmp_path):
         lrf3d.record(simulation(scans=5), tmp_path / "run.npz", progress=stopping(1))
 
 
-def test_what_lies_beside_a_finished_run_is_taken_away_when_it_is_resumed(tmp_path):
-    path = tmp_path / "run.npz"
+def test_what_lies_beside_a_finished_run_is_taken_away_when_it_is_resumed(path, tmp_path):
     lrf3d.record(simulation(scans=5), path)
     path.with_suffix(".journal").write_bytes(b"left")
     lrf3d.record(simulation(scans=5), path, resume=True)
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
 
 
-def test_what_a_robot_believed_is_kept_and_resumed_to_the_last_bit(tmp_path):
+def test_what_a_robot_believed_is_kept_and_resumed_to_the_last_bit(path, tmp_path):
     def made(scans=90):
         return simulation(scans=scans, mapper=SlamMapper(rng=1))
 
     whole = lrf3d.record(made(), tmp_path / "whole.npz")
     assert len(whole.estimate) == len(whole.estimate.odometry) == 90
     assert whole.estimate.known_scans.tolist() == list(range(0, 90, COVARIANCE_INTERVAL))
-    path = tmp_path / "run.npz"
     with pytest.raises(Stop):
         lrf3d.record(made(), path, progress=stopping(60))
     lrf3d.record(made(), path, resume=True)

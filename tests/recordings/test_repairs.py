@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import drive, recorded
+from drives import FLAT, drive, flat_drive, recorded
 
 import lrf3d
 from lrf3d.apps.cli.commands import COMMANDS
@@ -23,20 +23,11 @@ from lrf3d.recordings.repair.repairs import (
     repair,
 )
 
-FLAT = lrf3d.World(
-    [
-        *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
-        *([4, 0, 4, 2.5], [4, 4, 4, 7], [6, 5, 7, 5], [7, 5, 7, 6], [1, 5.5, 2, 6]),
-    ]
-)
-ROUTE = [(1, 1), (3, 3.2), (5.5, 3.2), (8, 1), (8, 3.5), (5, 3.4), (1.5, 3), (2, 1)]
-
 
 @pytest.fixture(scope="module")
 def mirrored():
     """The log of a laser that turns clockwise, which it does not say, and the true poses."""
-    lrf = lrf3d.LaserRangeFinder(beams=181, range_max=20.0)
-    scans, wheels, true = (part[:100] for part in drive(FLAT, ROUTE, seed=2, lrf=lrf))
+    scans, wheels, true = flat_drive(100)
     turned = [replace(scan, ranges=scan.ranges[::-1]) for scan in scans]
     return recorded(turned, wheels, "mirrored"), true
 

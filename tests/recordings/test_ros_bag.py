@@ -16,12 +16,9 @@ from estimates import estimated
 from synthetic_run import around, box, make_run, make_world
 
 import lrf3d
-from lrf3d.apps.export import export_run
-from lrf3d.base.errors import InputError, MissingLibraryError, OutputError
+from lrf3d import InputError, MissingLibraryError, OutputError, Pose, export_run, load_log
 from lrf3d.geometry.lines import wrap_angle
-from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder, Stamp
-from lrf3d.recordings import load_log
 from lrf3d.recordings.formats.bags.contents import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.world import Material
 

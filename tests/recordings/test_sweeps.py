@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drives import HALL
 
 import lrf3d
 from lrf3d.geometry.pose import between
@@ -21,16 +22,10 @@ SWEEP = INTERVAL * 4.0 / (2.0 * np.pi)
 
 def recording(sweep, *, clockwise=False):
     """Scans of sharp turns by a laser whose scans take a time [s], unsaid, and the true poses."""
-    hall = lrf3d.World(
-        [
-            *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
-            *([3, 2, 3.5, 2], [6, 5, 6, 4.2], [2, 5.5, 2.6, 5.1], [7, 1.5, 7.4, 1.9]),
-        ]
-    )
     turns = np.tile([0.0, 1.6, 0.0, -1.6], 3)
     path = lrf3d.drive((2.0, 3.5, 0.0), np.full(12, 0.35), turns, duration=0.6, dt=INTERVAL)
     lrf = lrf3d.LaserRangeFinder(-2.0, 2.0, 171, range_max=12.0, scan_duration=sweep)
-    run = lrf3d.simulate(hall, path, lrf, rng=0)
+    run = lrf3d.simulate(HALL, path, lrf, rng=0)
     scans = [replace(scan, time_increment=0.0, motion=None) for scan in run.scans]
     poses = run.trajectory.poses
     if clockwise:

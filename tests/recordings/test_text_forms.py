@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from lrf3d.base.errors import InputError
-from lrf3d.recordings import load_log
+from lrf3d import InputError, load_log
 
 COUNT, BEAMS = 12, 180
 RANGES = np.random.default_rng(0).uniform(1.0, 6.0, (COUNT, BEAMS)).round(3)
@@ -147,9 +146,10 @@ FORMS = {
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_drive_is_read_in_each_form(form, tmp_path):
-    path = tmp_path / ("drive.log" if form.startswith("a sentence") else "drive.csv")
-    path.write_text(FORMS[form] + "\n")
+def test_a_drive_is_read_in_each_form(form, written):
+    path = written(
+        "drive.log" if form.startswith("a sentence") else "drive.csv", FORMS[form] + "\n"
+    )
     log = load_log(path)
     read, known = np.array([scan.ranges for scan in log.scans]), np.ones(BEAMS, dtype=bool)
     if form == "empty cells":
@@ -165,9 +165,8 @@ def test_a_drive_is_read_in_each_form(form, tmp_path):
 
 
 @pytest.mark.parametrize("light", [(), ["47.0"] * BEAMS])
-def test_what_ros2_topic_echo_prints_as_csv_is_read(light, tmp_path):
-    path = tmp_path / "scan.csv"
-    path.write_text("\n".join(echo(ROWS, light)))
+def test_what_ros2_topic_echo_prints_as_csv_is_read(light, written, tmp_path):
+    path = written("scan.csv", "\n".join(echo(ROWS, light)))
     turned = f"0.0,0.0,{np.sin(0.125)},{np.cos(0.125)}"
     lines = [f"{int(t)},{round(t % 1 * 1e9)},odom,base_link,{p[0]},{p[1]},0.0,{turned}"
              for t, p in zip(TIMES, POSES, strict=True)]  # fmt: skip
@@ -181,37 +180,35 @@ def test_what_ros2_topic_echo_prints_as_csv_is_read(light, tmp_path):
         load_log(path)
 
 
-def test_lines_of_other_kinds_are_said_to_be_left_out(tmp_path):
-    path = tmp_path / "drive.txt"
-    path.write_text("".join(f"[scan]\n{k}\n{' '.join(r[4:])}\n" for k, r in enumerate(ROWS)))
+def test_lines_of_other_kinds_are_said_to_be_left_out(written):
+    path = written(
+        "drive.txt", "".join(f"[scan]\n{k}\n{' '.join(r[4:])}\n" for k, r in enumerate(ROWS))
+    )
     log = load_log(path)
     assert len(log) == COUNT and "all others are left out" in str(log.notes)
 
 
-def test_two_columns_may_be_a_single_scan(tmp_path):
-    path = tmp_path / "lidar.csv"
+def test_two_columns_may_be_a_single_scan(written):
     bearings = np.radians(np.arange(-90, 90))
-    path.write_text(joined(zip(bearings, RANGES[0], strict=True)))
-    scan = load_log(path).scans[0]
+    scan = load_log(written("lidar.csv", joined(zip(bearings, RANGES[0], strict=True)))).scans[0]
     assert scan.ranges == pytest.approx(RANGES[0]) and scan.angles == pytest.approx(bearings)
 
 
-def test_readings_of_a_fan_through_0_degrees_are_gathered_scan_by_scan(tmp_path):
-    path = tmp_path / "lidar.csv"
+def test_readings_of_a_fan_through_0_degrees_are_gathered_scan_by_scan(written):
     rows = [(f"{(b - 90) % 360}", r) for row in RANGES for b, r in enumerate(row)]
-    path.write_text(joined([["angle", "range"], *rows]))
-    log = load_log(path)
+    log = load_log(written("lidar.csv", joined([["angle", "range"], *rows])))
     assert np.array([scan.ranges for scan in log.scans]) == pytest.approx(RANGES)
     assert log.scans[0].angles == pytest.approx(np.radians(np.arange(-90, 90)))
 
 
 @pytest.mark.parametrize("scale", [1.0, np.pi / 180])
-def test_readings_have_their_bearings_where_others_are_missing(scale, tmp_path):
-    path = tmp_path / "lidar.json"
+def test_readings_have_their_bearings_where_others_are_missing(scale, written):
     kept = np.random.default_rng(1).random(RANGES.shape) < 0.7
     bearings = scale * np.arange(-90, 90)
-    path.write_text(json.dumps([{"angle": bearings[b], "distance": 100 * RANGES[k, b]}
-                                for k, b in np.argwhere(kept)]))  # fmt: skip
+    readings = [
+        {"angle": bearings[b], "distance": 100 * RANGES[k, b]} for k, b in np.argwhere(kept)
+    ]
+    path = written("lidar.json", json.dumps(readings))
     with pytest.raises(InputError, match="'ranges:cm'"):
         load_log(path)
     for scan, row, own in zip(load_log(path, format="ranges:cm").scans, RANGES, kept, strict=True):
@@ -219,14 +216,12 @@ def test_readings_have_their_bearings_where_others_are_missing(scale, tmp_path):
         assert np.degrees(scan.angles[scan.hits]) == pytest.approx(np.arange(-90, 90)[own])
 
 
-def test_bearings_of_a_turn_give_a_beam_each(tmp_path):
-    path = tmp_path / "lidar.txt"
+def test_bearings_of_a_turn_give_a_beam_each(written):
     turns = np.arange(0.0, 360.0 * COUNT) + np.random.default_rng(2).normal(0.0, 0.05, 360 * COUNT)
     ranges = np.random.default_rng(1).uniform(1.0, 6.0, 360 * COUNT)
     lines = [f"{r:.3f} {b:.2f}" for r, b in zip(ranges, turns % 360.0, strict=True)]
     # A first reading that is no number is no name.
-    path.write_text("\n".join(["inf 0.3", *lines[1:]]))
-    log = load_log(path)
+    log = load_log(written("lidar.txt", "\n".join(["inf 0.3", *lines[1:]])))
     assert len(log.scans[0].ranges) == 360 and np.isfinite(log.scans[5].ranges).mean() > 0.99
 
 
@@ -237,22 +232,19 @@ def test_arrays_of_one_scan_keep_their_bearings(tmp_path):
     assert len(log) == 1 and log.scans[0].ranges == pytest.approx(np.resize(RANGES, 360))
 
 
-def test_a_record_without_its_stamp_or_its_scan_is_refused(tmp_path):
-    path = tmp_path / "drive.jsonl"
+def test_a_record_without_its_stamp_or_its_scan_is_refused(written):
     rows = [{"t0": float(row[0]), "scan0": [*map(float, row[4:])]} for row in ROWS]
     rows[4]["t0"] = rows[7]["scan0"] = None
-    path.write_text("\n".join(map(json.dumps, rows)))
-    log = load_log(path)
+    log = load_log(written("drive.jsonl", "\n".join(map(json.dumps, rows))))
     assert len(log) == COUNT - 2 and log.bad_count == 2
 
 
-def test_scans_of_points_may_have_fewer_or_none(tmp_path):
-    path = tmp_path / "drive.jsonl"
+def test_scans_of_points_may_have_fewer_or_none(written):
     rows = [{"time": float(row[0]), "scan": [
         {"angle": k - 90.0, "range": float(r)} for k, r in enumerate(row[4:])]}
         for row in ROWS]  # fmt: skip
     rows[3]["scan"] = rows[3]["scan"][:170]
-    path.write_text("\n".join(map(json.dumps, rows)))
+    path = written("drive.jsonl", "\n".join(map(json.dumps, rows)))
     assert np.isfinite(load_log(path).scans[3].ranges).sum() == 170
     rows = [{"time": row["time"], "scan": [[*each.values()] for each in row["scan"]]}
             for row in rows]  # fmt: skip
@@ -261,9 +253,10 @@ def test_scans_of_points_may_have_fewer_or_none(tmp_path):
     assert len(load_log(path)) == COUNT - 1
 
 
-def test_columns_of_a_format_apply_to_a_table_with_lists(tmp_path):
-    path = tmp_path / "drive.csv"
-    path.write_text("\n".join(["a,b,c,d,e", *(f'{",".join(row[:4])},"{row[4:]}"' for row in ROWS)]))
+def test_columns_of_a_format_apply_to_a_table_with_lists(written):
+    path = written(
+        "drive.csv", "\n".join(["a,b,c,d,e", *(f'{",".join(row[:4])},"{row[4:]}"' for row in ROWS)])
+    )
     log = load_log(path, format="stamp, x, y, theta, ranges:cm, first=-1.5, last=1.5")
     assert log.poses == pytest.approx(POSES) and log.scans[0].angles[0] == -1.5
     path.write_text("\n".join(json.dumps({"t": 1.0 * k, "ranges": [2.0]}) for k in range(9)))
@@ -279,9 +272,8 @@ def test_bearings_tell_scans_in_columns_from_scans_in_rows(tmp_path):
     )
 
 
-def test_advice_fits_what_lines_hold(tmp_path):
-    path = tmp_path / "drive.csv"
-    path.write_text(joined([[*row[4:], "corridor"] for row in ROWS]))
+def test_advice_fits_what_lines_hold(written):
+    path = written("drive.csv", joined([[*row[4:], "corridor"] for row in ROWS]))
     with pytest.raises(InputError, match=r"'ranges\*180@1'"):
         load_log(path)
     assert len(load_log(path, format="ranges*180@1")) == COUNT
@@ -293,11 +285,10 @@ def test_advice_fits_what_lines_hold(tmp_path):
         load_log(path)
 
 
-def test_lines_longer_than_the_first_ones_are_not_cut(tmp_path):
-    path = tmp_path / "drive.csv"
+def test_lines_longer_than_the_first_ones_are_not_cut(written):
     fans = [np.linspace(0.0, 300.0, count) for count in [40] * 70 + [52] * 30]
     pairs = ([(f"{bearing:.1f}", f"{2.0 + 0.01 * bearing:.2f}") for bearing in fan] for fan in fans)
-    path.write_text(joined(np.ravel(each) for each in pairs))
+    path = written("drive.csv", joined(np.ravel(each) for each in pairs))
     assert all(np.isfinite(scan.ranges[-1]) for scan in load_log(path).scans)
     path.write_text("1.0 2.0\n")
     with pytest.raises(InputError, match="2 columns"):
@@ -309,28 +300,24 @@ def test_lines_longer_than_the_first_ones_are_not_cut(tmp_path):
     ("front_scan,angle,range", "{k},{a},{r}"),
     ("laser_scan,angle,distance_driven", "{r},{a},{k}.5"),
 ])  # fmt: skip
-def test_a_column_that_counts_scans_holds_no_ranges(head, line, tmp_path):
-    path = tmp_path / "points.csv"
+def test_a_column_that_counts_scans_holds_no_ranges(head, line, written):
     rows = [line.format(k=k, a=f"{np.radians(b):.5f}", r=r)
             for k, row in enumerate(RANGES) for b, r in enumerate(row)]  # fmt: skip
-    path.write_text("\n".join([head, *rows]))
-    log = load_log(path)
+    log = load_log(written("points.csv", "\n".join([head, *rows])))
     assert np.array([scan.ranges for scan in log.scans]) == pytest.approx(RANGES)
 
 
 @pytest.mark.parametrize("times", [5e-5 * np.arange(COUNT), 1.7e9 + np.arange(COUNT) // 6])
-def test_stamps_that_hardly_rise_are_seconds(times, tmp_path):
-    path = tmp_path / "drive.csv"
+def test_stamps_that_hardly_rise_are_seconds(times, written):
     times = times + 1e-5 * np.arange(COUNT)
     rows = ([f"{t:.5f}", *row[1:]] for t, row in zip(times, ROWS, strict=True))
-    path.write_text(joined([NAMES, *rows]))
+    path = written("drive.csv", joined([NAMES, *rows]))
     assert load_log(path).times == pytest.approx(times, abs=1e-5)
 
 
-def test_what_looks_like_ranges_is_refused(tmp_path):
-    path = tmp_path / "drive.csv"
+def test_what_looks_like_ranges_is_refused(written, tmp_path):
     grouped = [[f'"{400 * float(word):,.0f}"' for word in row[4:]] for row in ROWS]
-    path.write_text(joined([NAMES[4:], *grouped]))
+    path = written("drive.csv", joined([NAMES[4:], *grouped]))
     with pytest.raises(InputError, match="grouped in thousands"):
         load_log(path)
     np.savez(tmp_path / "points.npz", scans=np.random.default_rng(0).uniform(-3, 3, (9, 40, 2)))
@@ -353,15 +340,24 @@ def test_what_looks_like_ranges_is_refused(tmp_path):
     assert np.median(load_log(tmp_path / "points.npz").scans[0].ranges) < 6.0
 
 
-def test_the_cosine_of_a_heading_is_no_heading(tmp_path):
-    path = tmp_path / "drive.csv"
-    path.write_text(joined([[*NAMES[:3], "cos_theta", *NAMES[4:]], *ROWS]))
+def test_the_cosine_of_a_heading_is_no_heading(written):
+    path = written("drive.csv", joined([[*NAMES[:3], "cos_theta", *NAMES[4:]], *ROWS]))
     assert not load_log(path).placed
 
 
-def test_stamps_of_readings_are_no_messages(tmp_path):
-    path = tmp_path / "lidar.txt"
-    path.write_text("\n".join(
+def test_increments_and_times_between_scans_are_added_up(written):
+    path = written("drive.csv", joined(["0.2", "0.05", "0.2", *row[4:]] for row in ROWS))
+    log = load_log(path, format="dt:s@1, dx:m@2, dtheta:rad@3, ranges:m@4")
+    assert log.times == pytest.approx(0.2 * np.arange(1, COUNT + 1))
+    # Steps along chords of a circle, each along the heading of its middle.
+    middles = 0.2 * np.arange(COUNT) + 0.1
+    assert log.poses[-1] == pytest.approx(
+        [0.05 * np.cos(middles).sum(), 0.05 * np.sin(middles).sum(), 0.2 * COUNT]
+    )
+
+
+def test_stamps_of_readings_are_no_messages(written):
+    path = written("lidar.txt", "\n".join(
         f"stamp:{17 + k}00000000000000000,angle:{b}.0000,distance(mm):{1000 * r:.0f},intensity:212"
         for k, row in enumerate(RANGES) for b, r in enumerate(row)))  # fmt: skip
     assert load_log(path).scans[3].ranges == pytest.approx(RANGES[3])

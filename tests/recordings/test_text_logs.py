@@ -25,9 +25,7 @@ from text_shapes import (
 )
 from text_shapes import lines as text
 
-from lrf3d import map_log
-from lrf3d.base.errors import InputError
-from lrf3d.recordings import load_log
+from lrf3d import InputError, load_log, map_log
 from lrf3d.recordings.formats.text.dialects import DIALECTS, dialect_of
 from lrf3d.recordings.formats.text.guesses import GUESSES
 
@@ -60,11 +58,9 @@ SHAPES = [
 
 
 @pytest.mark.parametrize("shape, robot", SHAPES)
-def test_columns_are_found_in_each_shape_for_each_robot(shape, robot, tmp_path):
+def test_columns_are_found_in_each_shape_for_each_robot(shape, robot, written):
     drive = ROBOTS[robot]
-    path = tmp_path / "drive.csv"
-    path.write_text(PLACED[shape](drive))
-    log = load_log(path)
+    log = load_log(written("drive.csv", PLACED[shape](drive)))
     check(log, drive, apart=1e-3)
     assert log.placed and log.notes
     assert np.diff(log.times) == pytest.approx(np.diff(drive.times), abs=1e-3)
@@ -73,10 +69,9 @@ def test_columns_are_found_in_each_shape_for_each_robot(shape, robot, tmp_path):
 
 
 @pytest.mark.parametrize("nothing", ["NaN", "null", "N/A"])
-def test_words_for_missing_readings_mean_no_return(nothing, tmp_path):
+def test_words_for_missing_readings_mean_no_return(nothing, written):
     drive = replace(S300, farthest=3.5)
-    path = tmp_path / "drive.txt"
-    path.write_text(with_words(nothing, "inf")(drive))
+    path = written("drive.txt", with_words(nothing, "inf")(drive))
     log = load_log(path)
     assert "inf" in path.read_text() and nothing in path.read_text()
     check(log, drive, apart=1e-3)
@@ -101,22 +96,12 @@ def test_blank_cells_at_the_end_of_a_row_are_missing_readings(tmp_path):
         (URG, pairs, None),
     ],
 )  # fmt: skip
-def test_a_format_says_what_lines_do_not(drive, write, form, tmp_path):
-    path = tmp_path / "drive.dat"
-    path.write_text(write(drive))
-    log = load_log(path, format=form)
+def test_a_format_says_what_lines_do_not(drive, write, form, written):
+    log = load_log(written("drive.dat", write(drive)), format=form)
     check(log, drive, apart=1e-3)
     assert len(log) == drive.count and log.placed == (write is encoder_ticks)
     if write is not pairs:
         assert np.diff(log.times) == pytest.approx(1 / drive.rate, abs=1e-3)
-
-
-@pytest.mark.parametrize("write, beams", [(encoder_ticks, 682), (counted_ranges, 660)])
-def test_what_is_not_understood_gets_a_line_with_a_format(write, beams, tmp_path):
-    path = tmp_path / "drive.dat"
-    path.write_text(write(replace(URG, beams=beams)))
-    with pytest.raises(InputError, match=r"--format, such as '"):
-        load_log(path)
 
 
 def test_dialects_and_guesses_have_names_and_sentences_of_their_own():
@@ -145,12 +130,12 @@ MOTORS = "stamp:ms@2, left@3, right@7, tick=0.349mm, track=0.15m, offset=0.03m"
 
 
 @pytest.mark.slow
-def test_a_format_names_columns_units_bearings_and_wheels(drive, tmp_path):
+def test_a_format_names_columns_units_bearings_and_wheels(drive, written):
     _, poses, ranges = drive
-    path = tmp_path / "drive.dat.gz"
     clockwise = 100.0 * ranges[:, ::-1]
-    path.write_bytes(
-        gzip.compress(text([clockwise, np.degrees(poses[:, 2]), poses[:, :2]]).encode())
+    path = written(
+        "drive.dat.gz",
+        gzip.compress(text([clockwise, np.degrees(poses[:, 2]), poses[:, :2]]).encode()),
     )
     spec = f"ranges:cm*{BEAMS}, theta:deg, x, y, first=90deg, step=-1deg"
     for form in (
@@ -187,22 +172,22 @@ def test_a_format_names_columns_units_bearings_and_wheels(drive, tmp_path):
         ("1 50 60 70\n2 50 60 80\n", "stamp,ranges,first=0deg,step=1deg", "name their unit"),
         ("1 5 6 7\n2 5 6 8\n", "left,right,ranges:m,first=0deg,step=1deg", "tick="),
         ("1 5 6 7\n2 5 6 8\n", "ranges:m@9", "2 bad lines, first line 1: 4 columns"),
+        (encoder_ticks(replace(URG, beams=682)), None, "--format, such as '"),
+        (counted_ranges(replace(URG, beams=660)), None, "--format, such as '"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_read_gets_one_line(lines, form, reason, tmp_path):
-    path = tmp_path / "drive.txt"
-    path.write_text(lines)
+def test_what_cannot_be_read_gets_one_line(lines, form, reason, written):
+    path = written("drive.txt", lines)
     with pytest.raises(InputError, match=reason):
         load_log(path, format=form)
 
 
-def test_bad_lines_are_counted_and_short_ones_are_filled(drive, tmp_path):
+def test_bad_lines_are_counted_and_short_ones_are_filled(drive, written):
     times, poses, ranges = drive
     lines = text([times, poses, ranges]).splitlines()
     lines[3] = lines[3].replace(" ", " x", 1)
     lines[5] = lines[5].rpartition(" ")[0]
-    path = tmp_path / "drive.txt"
-    path.write_text("\n".join(lines))
+    path = written("drive.txt", "\n".join(lines))
     log = load_log(path)
     assert log.bad_count == 2 and [line.number for line in log.bad_lines] == [4, 6]
     counts = [BEAMS, 170] * 20
@@ -234,7 +219,7 @@ def test_the_motors_of_a_robot_are_in_a_file_beside_its_scans(tmp_path):
     assert log.placed and "a_motors.txt" in " ".join(log.notes)
 
 
-def test_a_reading_a_line_makes_scans(drive, tmp_path):
+def test_a_reading_a_line_makes_scans(drive, written):
     times, _, ranges = drive
     rng = np.random.default_rng(0)
     for stamped in (True, False):
@@ -243,9 +228,7 @@ def test_a_reading_a_line_makes_scans(drive, tmp_path):
             for bearing in np.flatnonzero(rng.random(360) < 0.9):
                 reading = f"{bearing + 0.1:.2f}", f"{1e3 * row[bearing % BEAMS]:.0f}"
                 lines.append(",".join([f"{time:.3f}", *reading]) if stamped else ";".join(reading))
-        path = tmp_path / "lidar.csv"
-        path.write_text("\n".join(lines))
-        log = load_log(path)
+        log = load_log(written("lidar.csv", "\n".join(lines)))
         assert len(log) == 40 and not log.placed and "gathered" in " ".join(log.notes)
         for scan, row in zip(log.scans, ranges, strict=True):
             found = scan.hits & (np.degrees(scan.angles) < 90)
@@ -334,14 +317,12 @@ HEADS = {
 
 
 @pytest.mark.parametrize("name", MESSAGES)
-def test_messages_and_records_of_other_programs_are_read(name, drive, tmp_path):
-    path = tmp_path / name
+def test_messages_and_records_of_other_programs_are_read(name, drive, written):
     lines = [
         MESSAGES[name](" ".join(map(str, row)), " ".join(map(str, pose)), time)
         for time, pose, row in zip(*(each.tolist() for each in drive), strict=True)
     ]
-    path.write_text("\n".join(HEADS.get(name, []) + lines) + "\n")
-    log = load_log(path)
+    log = load_log(written(name, "\n".join(HEADS.get(name, []) + lines) + "\n"))
     assert log.bad_count == 0 and log.placed
     for field, wanted in (("ranges", drive[2]), ("angles", [ANGLES] * 40)):
         assert np.allclose([getattr(scan, field) for scan in log.scans], wanted, atol=1e-3)
@@ -351,15 +332,14 @@ def test_messages_and_records_of_other_programs_are_read(name, drive, tmp_path):
     assert any("unknown mounts (40 of laser2)" in note for note in log.notes) == (name == "raw.log")
 
 
-def test_printed_messages_get_the_poses_in_a_file_beside_them(drive, tmp_path):
+def test_printed_messages_get_the_poses_in_a_file_beside_them(drive, written, tmp_path):
     times, poses, ranges = drive
     stamp = [{"sec": int(t), "nanosec": int(1e9 * (t % 1))} for t in times]
     scans = [
         PRINTED.format(**s, first=ANGLES[0], step=ANGLES[1] - ANGLES[0], ranges=row.tolist())
         for s, row in zip(stamp, ranges, strict=True)
     ]
-    path = tmp_path / "a_scan.txt"
-    path.write_text("".join(scans))
+    path = written("a_scan.txt", "".join(scans))
     assert not load_log(path).placed
     half = 0.5 * poses[:, 2]
     tum = np.column_stack(
@@ -385,15 +365,13 @@ SWEEPS = {
 
 
 @pytest.mark.parametrize("kind", SWEEPS)
-def test_readings_of_rplidars_are_gathered_clockwise(kind, drive, tmp_path):
+def test_readings_of_rplidars_are_gathered_clockwise(kind, drive, written):
     _, _, ranges = drive
     lines = ["Quality, Angle, Distance, Acceleration X, Acceleration Y, Yaw"] * (kind == "named")
     for row in ranges:
         sweep = [SWEEPS[kind](a, 1e3 * row[180 - a] if a <= 180 else 0.0) for a in range(360)]
         lines += [f"[{', '.join(sweep)}]"] if kind == "tuples" else sweep
-    path = tmp_path / "lidar.txt"
-    path.write_text("\n".join(lines))
-    log = load_log(path)
+    log = load_log(written("lidar.txt", "\n".join(lines)))
     assert len(log) == 40 and not log.placed and "clockwise, as RPLIDARs" in " ".join(log.notes)
     for scan, row in zip(log.scans, ranges, strict=True):
         # The first bearing is 0, and those of the row begin at −180° when turned this way.
@@ -411,15 +389,14 @@ def test_readings_of_rplidars_are_gathered_clockwise(kind, drive, tmp_path):
     ],
 )
 def test_a_header_says_what_its_columns_are_and_that_intensities_are_no_qualities(
-    begin, line, drive, tmp_path
+    begin, line, drive, written
 ):
     lines = [
         "\n".join([begin, *(line.format(a=a, rad=np.radians(a), m=row[a], mm=1e3 * row[a])
                             for a in range(BEAMS))])
         for row in drive[2]
     ]  # fmt: skip
-    (tmp_path / "lds.csv").write_text("\n".join(lines))
-    log = load_log(tmp_path / "lds.csv")
+    log = load_log(written("lds.csv", "\n".join(lines)))
     assert len(log) == 40 and log.bad_count == 0
     assert np.allclose([scan.ranges for scan in log.scans], drive[2], atol=1e-3)
     assert np.allclose(np.degrees(log.scans[0].angles), range(BEAMS), atol=1e-3)
@@ -435,15 +412,14 @@ def test_a_header_says_what_its_columns_are_and_that_intensities_are_no_qualitie
     ],
 )
 def test_a_turn_is_a_scan_whatever_clock_stamps_it_and_its_first_returns_count(
-    stamp, drive, tmp_path
+    stamp, drive, written
 ):
     lines = [
         f"{stamp(BEAMS * k + a)},{a},{each:.4f}"
         for k, row in enumerate(drive[2]) for a in range(BEAMS)
         for each in (0.0, np.inf, row[a], row[a] + 0.9)
     ]  # fmt: skip
-    (tmp_path / "dual.csv").write_text("\n".join(["time,angle,distance", *lines]))
-    log = load_log(tmp_path / "dual.csv")
+    log = load_log(written("dual.csv", "\n".join(["time,angle,distance", *lines])))
     assert len(log) == 40
     assert np.allclose([s.ranges[s.hits] for s in log.scans], drive[2], atol=1e-3)
 
@@ -457,10 +433,9 @@ def test_a_turn_is_a_scan_whatever_clock_stamps_it_and_its_first_returns_count(
         [a + b for a in range(90) for b in (0, 180, 90)],
     ],
 )
-def test_scans_with_stamps_of_their_own_are_neither_torn_nor_mirrored(bearings, drive, tmp_path):
+def test_scans_with_stamps_of_their_own_are_neither_torn_nor_mirrored(bearings, drive, written):
     lines = [f"{k},{a},{row[a % BEAMS]:.4f},20" for k, row in enumerate(drive[2]) for a in bearings]
-    (tmp_path / "wide.csv").write_text("\n".join(["time,angle,distance,quality", *lines]))
-    log = load_log(tmp_path / "wide.csv")
+    log = load_log(written("wide.csv", "\n".join(["time,angle,distance,quality", *lines])))
     assert len(log) == 40
     for scan, row in zip(log.scans, drive[2], strict=True):
         found = np.rint(np.degrees(scan.angles[scan.hits])).astype(int)
@@ -494,7 +469,7 @@ def test_bare_ranges_get_their_units_and_bearings_from_what_is_known(drive, tmp_
         load_log(tmp_path / "a.npy")
 
 
-def test_telegrams_of_sick_are_read(drive, tmp_path):
+def test_telegrams_of_sick_are_read(drive, written):
     """Their bearings are in ten thousandths of a degree, and ahead is 90°."""
     times, _, ranges = drive
     lines = [
@@ -503,18 +478,16 @@ def test_telegrams_of_sick_are_read(drive, tmp_path):
         + " ".join(f"{round(500 * each):X}" for each in row) + " 0 0\x03"
         for t, row in zip(times - times[0], ranges, strict=True)
     ]  # fmt: skip
-    (tmp_path / "tim.txt").write_text("\n".join([*lines, "sSN LMDscandata DIST1 0 1 2 3 4"]))
-    log = load_log(tmp_path / "tim.txt")
+    log = load_log(written("tim.txt", "\n".join([*lines, "sSN LMDscandata DIST1 0 1 2 3 4"])))
     assert len(log) == 40 and not log.placed and log.bad_count == 1
     assert np.allclose(log.times, times - times[0])
     assert np.allclose(log.scans[0].angles, ANGLES - np.radians(0.25))
     assert np.allclose([scan.ranges for scan in log.scans], ranges, atol=2e-3)
 
 
-def test_a_file_that_is_no_log_gets_a_line_that_says_what_it_looks_like(tmp_path):
+def test_a_file_that_is_no_log_gets_a_line_that_says_what_it_looks_like(written):
     for data, reason in ((b"\x89PNG\r\n", "a picture"), (b"ply\nformat", "a point cloud"),
                          (b"\xff\xfe1\0", "UTF-16"), (b"\0\1\2", "no text")):  # fmt: skip
-        path = tmp_path / "what.xyz"
-        path.write_bytes(data)
+        path = written("what.xyz", data)
         with pytest.raises(InputError, match=f"what.xyz: not a log: it looks like .*{reason}"):
             load_log(path)

@@ -5,9 +5,8 @@ from lrf3d.base.errors import InputError
 from lrf3d.recordings.formats.trajectory import load_relations, save_tum
 
 
-def test_relations_are_read_with_and_without_their_certainty(tmp_path):
-    path = tmp_path / "a.relations"
-    path.write_text("# a b dx dy dtheta certain\n3 5 0.1 -0.2 1.5 0\n\n5 9 1 2 3\n")
+def test_relations_are_read_with_and_without_their_certainty(written):
+    path = written("a.relations", "# a b dx dy dtheta certain\n3 5 0.1 -0.2 1.5 0\n\n5 9 1 2 3\n")
     known = load_relations(path)
     assert known.first.tolist() == [3, 5] and known.second.tolist() == [5, 9]
     assert known.relative.tolist() == [[0.1, -0.2, 1.5], [1.0, 2.0, 3.0]]

@@ -103,9 +103,10 @@ def test_a_tum_file_is_read_back_or_its_line_named(tmp_path):
             load_tum(path)
 
 
-def test_comments_names_of_columns_and_quaternions_of_any_length_are_read(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text("% theirs\nt,x,y,z,qx,qy,qz,qw\n0,1,2,0,0,0,3,3\n1;1;2;0;0;0;0;9 # end\n")
+def test_comments_names_of_columns_and_quaternions_of_any_length_are_read(written):
+    path = written(
+        "a.csv", "% theirs\nt,x,y,z,qx,qy,qz,qw\n0,1,2,0,0,0,3,3\n1;1;2;0;0;0;0;9 # end\n"
+    )
     assert load_tum(path).poses == pytest.approx(np.array([[1, 2, np.pi / 2], [1, 2, 0]]))
 
 

@@ -38,9 +38,8 @@ mount = [0.2, 0, 0.5, 90, 10, 0]
 
 
 @pytest.fixture
-def scene(tmp_path: Path) -> lrf3d.Scenario:
-    path = tmp_path / "scene.toml"
-    path.write_text(SCENE)
+def scene(written) -> lrf3d.Scenario:
+    path = written("scene.toml", SCENE)
     return lrf3d.load_scenario(path)
 
 
@@ -164,9 +163,8 @@ def test_a_run_without_a_lidar_has_no_clouds(tmp_path: Path) -> None:
         ('preset = "OS1-32"\n', "", "expected a preset or elevations_deg"),
     ],
 )
-def test_wrong_tables_are_one_line(tmp_path: Path, old: str, new: str, message: str) -> None:
-    path = tmp_path / "scene.toml"
-    path.write_text(SCENE.replace(old, new, 1))
+def test_wrong_tables_are_one_line(written, old: str, new: str, message: str) -> None:
+    path = written("scene.toml", SCENE.replace(old, new, 1))
     with pytest.raises(lrf3d.InputError, match=message):
         lrf3d.load_scenario(path)
 
@@ -197,9 +195,8 @@ def test_clouds_go_into_bags_and_live_topics(scene: Any, tmp_path: Path) -> None
     assert frames == {"base_footprint", "laser", "lidar", "camera", "camera_optical"}
 
 
-def test_settings_change_the_lidars_of_a_world_or_give_it_one(tmp_path: Path) -> None:
-    file = tmp_path / "yard.toml"
-    file.write_text(SCENE)
+def test_settings_change_the_lidars_of_a_world_or_give_it_one(written) -> None:
+    file = written("yard.toml", SCENE)
     before = lrf3d.load_scenario(file)
     found = lrf3d.load_scenario(file, ["lidar.columns=7", "depth_camera.width=9"])
     assert [each.columns for each in found.lidars] == [7] * len(before.lidars)

@@ -26,10 +26,9 @@ def same(one, other):
 
 
 @pytest.mark.parametrize("world", ["room", "city"])
-def test_a_scenario_runs_as_the_command_line_does(world, tmp_path):
+def test_a_scenario_runs_as_the_command_line_does(world, written, tmp_path):
     if world == "room":
-        world = tmp_path / "room.toml"
-        world.write_text(ROOM + OBSTACLE)
+        world = written("room.toml", ROOM + OBSTACLE)
     program("run", world, "--seed", 5, "--scans", 12, "--no-video", "--out", tmp_path / "out")
     there = lrf3d.load_run(tmp_path / "out/run.npz")
     scenario = lrf3d.load_scenario(world)

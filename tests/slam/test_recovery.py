@@ -7,10 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from drives import drive, errors, path_of, rooms, solved, through
+from drives import HALL, drive, errors, path_of, rooms, solved, through
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings import LaserLog
 from lrf3d.recordings.repair.repairs import figures_of
@@ -45,11 +44,10 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
     assert wrong.max() < 0.15
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_few_beams_reveal_reversed_encoders_over_several_scans(seed):
+def test_few_beams_reveal_reversed_encoders_over_several_scans():
     """Encoders without a direction report that a robot drives ahead that drives back."""
     lrf = lrf3d.LaserRangeFinder(beams=61, range_max=8.0)
-    scans, wheels, true = drive(rooms(3), through(3), seed=seed, bias=0.0, lrf=lrf)
+    scans, wheels, true = drive(rooms(3), through(3), seed=1, bias=0.0, lrf=lrf)
     back = [*range(90), *range(90, 82, -1), *range(82, 200)]
     steps = between(wheels[back][:-1], wheels[back][1:])
     steps[89:98, 0] = 0.3 * np.abs(steps[89:98, 0])
@@ -57,11 +55,10 @@ def test_few_beams_reveal_reversed_encoders_over_several_scans(seed):
     assert errors(true[back], solved(moved, path_of(wheels[0], steps)).poses).max() < 0.2
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_a_robot_that_drives_backwards_is_not_held_where_it_was(seed):
+def test_a_robot_that_drives_backwards_is_not_held_where_it_was():
     """It sees walls for the first time: the place of the last scan explains more of them."""
     lrf = lrf3d.LaserRangeFinder(beams=181, range_max=5.0)
-    scans, wheels, true = drive(rooms(4), through(4), seed=seed, bias=0.0, lrf=lrf)
+    scans, wheels, true = drive(rooms(4), through(4), seed=1, bias=0.0, lrf=lrf)
     scans, wheels, true = scans[::-4], wheels[::-4], true[::-4]
     wheels = path_of(true[0], between(wheels[:-1], wheels[1:]))
     assert errors(true, solved(scans, wheels).poses).max() < 0.2
@@ -94,12 +91,11 @@ def slipping(wheels, count, rng):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_slam_survives_wheels_that_slip_between_scans_far_apart(seed):
+def test_slam_survives_wheels_that_slip_between_scans_far_apart():
     """The slip turns what is left of the step; along the corridor only its turn shows that."""
     scans, wheels, true = drive(rooms(4), [*through(4), *through(4)[1:]])
     scans, wheels, true = scans[::6], wheels[::6], true[::6]
-    solution = solved(scans, slipping(wheels, 8, np.random.default_rng(seed)))
+    solution = solved(scans, slipping(wheels, 8, np.random.default_rng(1)))
     assert errors(true, solution.poses).max() < 0.15
 
 
@@ -171,13 +167,7 @@ def test_distances_that_the_laser_alone_does_not_see_are_reported():
 
 
 def test_a_scan_after_a_quick_turn_is_placed_by_the_laser_alone():
-    hall = lrf3d.World(
-        [
-            *([0, 0, 9, 0], [9, 0, 9, 7], [9, 7, 0, 7], [0, 7, 0, 0]),
-            *([3, 2, 3.5, 2], [6, 5, 6, 4.2], [2, 5.5, 2.6, 5.1], [7, 1.5, 7.4, 1.9]),
-        ]
-    )
-    scans, _, true = drive(hall, [(2, 3.5), (8, 3.5)], lrf=replace(ROUND, beams=361))
+    scans, _, true = drive(HALL, [(2, 3.5), (8, 3.5)], lrf=replace(ROUND, beams=361))
     turned = [replace(s, angles=s.angles - 1.4 * (k >= 15)) for k, s in enumerate(scans)]
     moved = between(true[14], true[15:])
     found = solve_log(alone(turned)).poses
@@ -187,16 +177,15 @@ def test_a_scan_after_a_quick_turn_is_placed_by_the_laser_alone():
 @pytest.mark.slow
 def test_scans_too_far_apart_to_follow_without_odometry_are_refused():
     scans, _, _ = drive(rooms(3), through(3), lrf=ROUND)
-    with pytest.raises(InputError, match=r"alone: .* of \d+ scans match nothing .* odometry"):
+    with pytest.raises(lrf3d.InputError, match=r"alone: .* of \d+ scans match nothing .* odometry"):
         solve_log(alone(scans[::12]))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_slam_survives_odometry_that_scans_contradict(seed):
+def test_slam_survives_odometry_that_scans_contradict():
     """It is out and back within a line, and jumps, by less than a robot drives in a second."""
     scans, wheels, true = drive(rooms(2), through(2), lrf=ROUND, bias=0.0)
-    steps, rng = between(wheels[:-1], wheels[1:]), np.random.default_rng(seed)
+    steps, rng = between(wheels[:-1], wheels[1:]), np.random.default_rng(1)
     steps[60, 2] += np.radians(80)
     steps[90, 0] += 2.4
     corrupt = path_of(wheels[0], steps)

@@ -10,7 +10,6 @@ from program import told
 from scipy.ndimage import binary_dilation
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.geometry.lines import wrap_angle
 from lrf3d.geometry.pose import between, compose
 from lrf3d.recordings.formats.carmen_writer import write_log
@@ -126,7 +125,7 @@ def test_a_second_drive_continues_the_map_of_the_first(tmp_path):
     second = drive(ROOMS, [*ROUTE[2:], *BACK], seed=6, bias=0.0)
     log = recorded(*second[:2], name="second")
     before = lrf3d.slam_log(recorded(*first[:2], name="first"))
-    with pytest.raises(InputError, match="found nowhere on the map of first with certainty"):
+    with pytest.raises(lrf3d.InputError, match="found nowhere on the map of first with certainty"):
         lrf3d.slam_log(recorded(*drive(ELSEWHERE, [(1, 1), (4, 3), (5.5, 7)])[:2]), on=before)
     lrf3d.save_run(before, tmp_path / "run.npz")
     run = lrf3d.slam_log(log, on=tmp_path)
@@ -194,9 +193,9 @@ def test_known_pairs_of_scans_close_loops_or_rule_them_out():
     edge = (ends == [first, second]).all(axis=1)
     assert said.slam.edges["may_be_wrong"][edge].tolist() == [False]
     assert np.hypot(*(said.poses - true)[:, :2].T).max() < 0.15
-    with pytest.raises(InputError, match="close 5:6: these scans show nothing"):
+    with pytest.raises(lrf3d.InputError, match="close 5:6: these scans show nothing"):
         solve_log(log, close=[(5, 6)])
-    with pytest.raises(InputError, match="close 5:2000: expected scans from 0 to"):
+    with pytest.raises(lrf3d.InputError, match="close 5:2000: expected scans from 0 to"):
         solve_log(log, close=[(5, 2000)])
 
 

@@ -8,7 +8,6 @@ import shapely
 from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, through
 
 import lrf3d
-from lrf3d.base.errors import InputError
 from lrf3d.geometry.pose import between
 from lrf3d.recordings.repair.repairs import SOLVING, repair
 from lrf3d.recordings.repair.wheel_path import WheelPath
@@ -124,7 +123,7 @@ def test_all_scans_are_refined_or_none():
     scans, wheels, _ = drive(rooms(1), [(1, 1), (2, 1)])
     assert lrf3d.Slam().refined([]).shape == (0, 3)
     [*_, slam] = followed(lrf3d.Slam(), scans[:3], wheels[:3])
-    with pytest.raises(InputError, match="2 scans to refine; expected all 3"):
+    with pytest.raises(lrf3d.InputError, match="2 scans to refine; expected all 3"):
         slam.refined(scans[:2])
 
 
@@ -143,11 +142,11 @@ def test_robots_that_start_with_the_same_wheels_learn_their_own():
 def test_covariances_of_key_scans_that_are_not_there_are_refused(wrong):
     slam = lrf3d.Slam()
     assert slam.covariances([]).shape == (0, 3, 3)
-    with pytest.raises(InputError, match="key scan"):
+    with pytest.raises(lrf3d.InputError, match="key scan"):
         slam.covariances([0])
     slam.update(drive(rooms(1), [(1, 1), (1.5, 1)])[0][0], (0, 0, 0))
     assert slam.covariances([0]).tolist() == np.zeros((1, 3, 3)).tolist()
-    with pytest.raises(InputError, match=r"key scan .*: expected a whole number from 0 to 0"):
+    with pytest.raises(lrf3d.InputError, match=r"key scan .*: expected a whole number from 0 to 0"):
         slam.covariances(wrong)
 
 
@@ -167,14 +166,14 @@ REFUSED_UPDATES = {
 def test_updates_refuse_invalid_scans_and_odometry(case):
     scan, step, reason = REFUSED_UPDATES[case]
     slam = lrf3d.Slam(SCANNER if case == "another laser" else None)
-    with pytest.raises(InputError, match=reason):
+    with pytest.raises(lrf3d.InputError, match=reason):
         slam.update(scan, step)
     assert slam.trajectory().shape == (0, 3)
 
 
 @pytest.mark.parametrize("wrong", [{"key_distance": 0.0}, {"laser_offset": "a"}])
 def test_invalid_settings_are_refused(wrong):
-    with pytest.raises(InputError, match=r"expected finite numbers.*positive"):
+    with pytest.raises(lrf3d.InputError, match=r"expected finite numbers.*positive"):
         lrf3d.Slam(**wrong)
 
 
@@ -274,9 +273,9 @@ REFUSED = {
 def test_a_log_that_no_slam_can_solve_is_refused_in_one_line_that_names_it(short, case):
     change, reason = REFUSED[case]
     scans, wheels = change(*short)
-    with pytest.raises(InputError, match=f"hall: .*{reason}") as refused:
+    with pytest.raises(lrf3d.InputError, match=f"hall: .*{reason}") as refused:
         solved(scans, wheels, name="hall")
     assert "\n" not in str(refused.value)
     if case == "millimetres":
-        with pytest.raises(InputError, match=reason):
+        with pytest.raises(lrf3d.InputError, match=reason):
             lrf3d.map_log(recorded(scans, wheels))

@@ -51,7 +51,7 @@ NODES = st.lists(st.sampled_from([0, 1, 2, 3, 9]), max_size=6)
     st.lists(TAGS, max_size=2),
 )
 @example([], [([0, 3, 2, 0, 0, 1], {"barrier": "wall"})], [])
-def test_elements_of_osm_are_used_or_left_out(tmp_path, balances, points, ways, relations):
+def test_elements_of_osm_are_used_or_left_out(written, balances, points, ways, relations):
     def tagged(tags):
         return "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
 
@@ -64,8 +64,7 @@ def test_elements_of_osm_are_used_or_left_out(tmp_path, balances, points, ways, 
         text += f'<way id="{number}">{held}{tagged(tags)}</way>'
     for number, tags in enumerate(relations):
         text += f'<relation id="{number}"><member type="way" ref="0"/>{tagged(tags)}</relation>'
-    (tmp_path / "a.osm").write_text(f"<osm>{text}</osm>")
-    load_world(tmp_path / "a.osm")
+    load_world(written("a.osm", f"<osm>{text}</osm>"))
     added_up(balances[-1])
 
 
@@ -79,13 +78,12 @@ def test_elements_of_osm_are_used_or_left_out(tmp_path, balances, points, ways, 
         ({"feature_type": "venue"}, "IMDF feature: venue"),
     ],
 )  # fmt: skip
-def test_geojson_and_openstreetmap_leave_out_the_same(tags, reason, tmp_path, balances):
+def test_geojson_and_openstreetmap_leave_out_the_same(tags, reason, written, balances):
     places = [[0, 0], [1e-3, 0], [1e-3, 1e-3], [0, 1e-3]]
     house = {"type": "Feature", "properties": {"building": "yes"}, "geometry": area(places)}
     other = {"type": "Feature", "properties": tags, "geometry": area(np.array(places) + 2e-3)}
     text = json.dumps({"type": "FeatureCollection", "features": [house, other]})
-    (tmp_path / "a.geojson").write_text(text)
-    world = load_world(tmp_path / "a.geojson")
+    world = load_world(written("a.geojson", text))
     assert len(world.segments) == 4 and added_up(balances[0]) == {reason: 1}
 
 
@@ -116,13 +114,12 @@ def test_a_mesh_in_another_unit_is_doubted_with_the_scale_that_fits(unit, scale,
 
 @settings(**GENERATED)
 @given(st.lists(st.sampled_from([0, 60, 100, 205, 230, 254]), min_size=12, max_size=12))
-def test_the_cells_of_a_ros_map_add_up(tmp_path, balances, greys):
+def test_the_cells_of_a_ros_map_add_up(written, tmp_path, balances, greys):
     cells = np.array(greys, dtype=np.uint8).reshape(3, 4)
     cells[0, :2], cells[2, :2] = 0, 254
     Image.fromarray(cells).save(tmp_path / "a.png")
     text = "image: a.png\nresolution: 0.1\norigin: [0, 0, 0]\n"
-    (tmp_path / "a.yaml").write_text(text + "occupied_thresh: 0.65\nfree_thresh: 0.25\n")
-    load_world(tmp_path / "a.yaml")
+    load_world(written("a.yaml", text + "occupied_thresh: 0.65\nfree_thresh: 0.25\n"))
     assert added_up(balances[-1]).get("grey cell", 0) in (0, (cells == 100).sum())
 
 
@@ -218,7 +215,7 @@ def test_first_bytes_decide_what_a_file_is(name, tmp_path):
         load_world(tmp_path / name)
 
 
-def test_packed_files_and_features_in_lines_are_read(tmp_path):
+def test_packed_files_and_features_in_lines_are_read(written, tmp_path):
     features = [json.dumps(feature("LineString", [[0, 0], [9, 0]])) for _ in range(2)]
     (tmp_path / "a.geojsonl").write_text("\n".join(features))
     packed = gzip.compress((tmp_path / "a.geojsonl").read_bytes())
@@ -228,5 +225,6 @@ def test_packed_files_and_features_in_lines_are_read(tmp_path):
         unpacked = load_world(tmp_path / "b.geojsonl.gz")
     assert np.array_equal(plain.segments, unpacked.segments) and len(plain.segments) == 2
     drawing = b'<svg width="9m" height="9m" viewBox="0 0 9 9"><path d="M1 1 H8"/></svg>'
-    (tmp_path / "a.svgz").write_bytes(gzip.compress(drawing))
-    assert load_world(tmp_path / "a.svgz").bounds == pytest.approx(np.array([[1, 8], [8, 8]]))
+    assert load_world(written("a.svgz", gzip.compress(drawing))).bounds == pytest.approx(
+        np.array([[1, 8], [8, 8]])
+    )

@@ -43,11 +43,11 @@ def test_materials_are_read_as_openstreetmap_says_them(said, material):
     assert material_of(said) == material
 
 
-def test_a_material_of_a_world_file_stands_for_the_built_in_one(tmp_path):
-    path = tmp_path / "w.toml"
-    path.write_text(
+def test_a_material_of_a_world_file_stands_for_the_built_in_one(written):
+    path = written(
+        "w.toml",
         '[[object]]\npoints = [[0, 0], [1, 0]]\nmaterial = "glass"\n'
-        '[[material]]\nname = "glass"\nindex = 1.9\n'
+        '[[material]]\nname = "glass"\nindex = 1.9\n',
     )
     assert load_world(path).materials == (Material("glass", index=1.9),)
 

@@ -86,11 +86,10 @@ def test_a_box_is_cut_into_four_walls_whatever_the_format(kind, tmp_path):
     assert world.heights == pytest.approx([2.0] * 4)
 
 
-def test_vertices_of_obj_are_counted_back_from_the_face_that_does(tmp_path):
+def test_vertices_of_obj_are_counted_back_from_the_face_that_does(written):
     corners = [f"v {x} {y} {z}\n" for y in (0, 3) for x, z in ((0, 0), (4, 0), (4, 2), (0, 2))]
     text = "".join([*corners[:4], "f 1/1 2 -2 -1 # wall\n", *corners[4:], "f -4 \\\n-3 -2 -1\n"])
-    (tmp_path / "a.obj").write_text(text)
-    world = load_world(tmp_path / "a.obj")
+    world = load_world(written("a.obj", text))
     assert sorted(world.segments.tolist()) == [[0, 0, 4, 0], [0, 3, 4, 3]]
 
 

@@ -276,8 +276,7 @@ SQUARE_HOUSE = {"type": "way", "id": 9, "geometry": SQUARE, "tags": {"building":
         ({"type": "relation", "id": 3, "tags": None, "members": None}, ""),
     ],
 )
-def test_what_overpass_answers_besides_is_left_out_and_counted(element, note, tmp_path):
-    path = tmp_path / "a.json"
-    path.write_text(json.dumps({"elements": [element, SQUARE_HOUSE]}))
+def test_what_overpass_answers_besides_is_left_out_and_counted(element, note, written):
+    path = written("a.json", json.dumps({"elements": [element, SQUARE_HOUSE]}))
     with pytest.warns(Lrf3dNote, match=note) if note else nullcontext():
         assert len(load_world(path).segments) == 3

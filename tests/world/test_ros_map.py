@@ -114,14 +114,16 @@ def test_a_thick_block_is_its_outline(tmp_path):
         ("raw", "1", "65e-2", ".2", (65, 100), (0, 20)),
     ],
 )
-def test_cells_are_as_for_the_map_server(mode, negate, high, low, occupied, free, tmp_path):
+def test_cells_are_as_for_the_map_server(
+    mode, negate, high, low, occupied, free, written, tmp_path
+):
     greys = np.array([0, 1, 19, 20, 21, 50, 51, 52, 64, 65, 100, 203, 204, 254, 255])
     blocks = np.full((9, 9 * len(greys)), 150, dtype=np.uint8)
     blocks.reshape(9, -1, 9)[3:6, :, 3:6] = greys[:, None]
-    path = tmp_path / "map.yaml"
-    path.write_text(
+    path = written(
+        "map.yaml",
         f"image: map.png\nresolution: 5e-2\norigin: [-1e-05, +1., .5]\nnegate: {negate}\n"
-        f"mode: {mode}\noccupied_thresh: {high}\nfree_thresh: {low}\n"
+        f"mode: {mode}\noccupied_thresh: {high}\nfree_thresh: {low}\n",
     )
     for alpha in (255, 128) if mode == "scale" else (255,):
         pixels = np.stack([blocks, np.full_like(blocks, alpha)], axis=-1)

@@ -181,9 +181,8 @@ def test_includes_and_meshes_are_found_by_their_folders_and_missing_ones_named(t
         ("<sdf>", "no element|XML|unclosed"),
     ],
 )
-def test_bad_files_are_refused_in_one_line(text, why, tmp_path):
-    file = tmp_path / "a.sdf"
-    file.write_text(text)
+def test_bad_files_are_refused_in_one_line(text, why, written):
+    file = written("a.sdf", text)
     with pytest.raises(InputError, match=why) as caught:
         lrf3d.load_world(file)
     assert "\n" not in str(caught.value) and "a.sdf" in str(caught.value)

@@ -21,6 +21,7 @@ import shapely
 import svgelements
 
 from lrf3d.base.errors import WorldError, one_line, shown
+from lrf3d.base.units import INCH, METRES
 from lrf3d.geometry.lines import LARGEST_COORDINATE, ROUNDING, Float
 from lrf3d.plans.canvas import (
     FAINT,
@@ -37,7 +38,6 @@ from lrf3d.plans.canvas import (
 )
 from lrf3d.plans.readers.styles import declarations, overruled, style_sheet
 from lrf3d.plans.scale import sheet_scales
-from lrf3d.world.model import INCH, METRES
 
 # A pixel [m]: the unit of lengths that name none.
 PIXEL = INCH / 96

@@ -19,6 +19,7 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.formats import head_of
+from lrf3d.base.units import NANO
 from lrf3d.geometry.lines import Float
 from lrf3d.geometry.pose import heading_of
 from lrf3d.recordings.formats.npz import DAMAGES, read_arrays
@@ -34,7 +35,6 @@ from lrf3d.recordings.formats.text.guesses import (
 )
 from lrf3d.recordings.formats.text.layout import Form, Layout, described
 from lrf3d.recordings.formats.text.lines import SHORT, in_seconds, named, untyped
-from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import Intake
 
 # Matches what JSON and printed messages of ROS begin with.

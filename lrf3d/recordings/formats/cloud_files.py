@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from lrf3d.base.errors import InputError, MissingLibraryError, OutputError
 from lrf3d.base.files import replacing, unfinished_folder, writing
+from lrf3d.base.units import MILLI
 from lrf3d.geometry.lines import Records
 from lrf3d.laser import LidarScan
 from lrf3d.messages.clouds import POINT, records_of
 from lrf3d.recordings.formats.npz import write_npz
-from lrf3d.recordings.formats.units import MILLI
 from lrf3d.simulation.run import Run
 
 # A point without gaps between its fields, as in files.

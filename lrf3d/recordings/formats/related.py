@@ -5,7 +5,7 @@ The words of a line enter; those of a message in the layout of CARMEN leave, see
 
 from math import radians
 
-from lrf3d.recordings.formats.units import LENGTHS, MICRO, MILLI
+from lrf3d.base.units import LENGTHS, MICRO, MILLI
 
 # Unit of the bearings of a SICK telegram [°].
 TELEGRAM_ANGLE = 1e-4

@@ -13,9 +13,10 @@ from functools import lru_cache
 import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
+from lrf3d.base.units import ANGLES, COUNTS, LENGTHS, NANO, TIMES
 from lrf3d.geometry.lines import Float, Int, sealed, usual_step
 from lrf3d.geometry.pose import Pose, compose, heading_of
-from lrf3d.laser import LaserScan
+from lrf3d.laser.scan import LARGEST_MEDIAN, LaserScan
 from lrf3d.recordings.formats.text.fans import (
     FANS,
     LEAST_ALIKE,
@@ -26,7 +27,6 @@ from lrf3d.recordings.formats.text.fans import (
     front_ends,
     in_one_piece,
 )
-from lrf3d.recordings.formats.units import ANGLES, COUNTS, LENGTHS, NANO, TIMES
 from lrf3d.recordings.log import UNTIMED, Intake, LaserLog, WheelRecord
 
 # What columns hold, and their units; of these, the first one is that of lrf3d.
@@ -86,9 +86,6 @@ FOREIGN = set(
     " intensity intensities".split()
 )
 
-# Ranges whose median is above this are not metres.
-FAR = 100.0
-
 # Ranges whose 90 % quantile is below this may be centimetres.
 ROOM = 1500.0
 
@@ -103,9 +100,6 @@ DAYS = (20_000, 80_000)
 
 # Usual distance between two poses [m] from which on they are in millimetres.
 LONGEST_STEP = 3.0
-
-# Largest heading [rad], a turn and some more: larger ones may be in degrees, or go on.
-LARGEST_HEADING = 6.5
 
 # Largest usual turn from scan to scan [rad]: larger ones show degrees.
 LARGEST_TURN = 0.35
@@ -299,7 +293,7 @@ class Table:
             what = f"all are {known[0]:g}" if len(known) else "none is a positive number"
             raise InputError(f"{path}: no ranges in it: {what}; name the columns by --format")
         half, most = np.quantile(known, [0.5, 0.9])
-        unit = "m" if (known % 1.0).any() and half <= FAR else "mm"
+        unit = "m" if (known % 1.0).any() and half <= LARGEST_MEDIAN else "mm"
         # RPLIDARs, which have qualities, write millimetres.
         known_unit = self.units.get("ranges") or "quality" in self.values
         if unit == "mm" and not known_unit and most < ROOM:
@@ -398,7 +392,8 @@ class Table:
         moved = np.hypot(np.diff(self.values["x"]), np.diff(self.values["y"]))
         unit = "mm" if len(moved) and np.quantile(moved, 0.9) > LONGEST_STEP else "m"
         turned = np.abs(np.diff(self.values["theta"])) > LARGEST_TURN
-        wide = np.abs(self.values["theta"]).max() > LARGEST_HEADING
+        # Headings of more than a turn may be in degrees, or go on.
+        wide = np.abs(self.values["theta"]).max() > WIDEST_FAN
         x = self._in("x", unit)
         y = self._in("y", unit)
         theta = self._in("theta", "deg" if wide and turned.mean() > LEAST_TURNS else "rad")

@@ -40,7 +40,7 @@ FARTHEST = 3.5
 LARGEST_ERROR = 0.2
 
 # Covariance of the window in which the motion of the laser is searched: 0.4 m and 0.1 rad.
-WINDOW: Float = 0.1**2 * np.diag([16.0, 16.0, 1.0])
+WINDOW: Float = 0.1**2 * np.diag([4, 4, 1]) ** 2
 
 
 def find(recording: Recording) -> Pose | None:

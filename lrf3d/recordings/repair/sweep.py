@@ -119,7 +119,7 @@ def _best(
         return max(durations, key=lambda duration: float(shares(duration).mean()))
 
     best = best_of(declared, *(unit * np.arange(-1.0, 1.0 + STEP, STEP)).tolist())
-    for step in (0.5 * STEP * unit, 0.25 * STEP * unit) if best != declared else ():
+    for step in (STEP * unit / 2, STEP * unit / 4) if best != declared else ():
         best = best_of(best, best - step, best + step)
     for claim in (copysign(each, best) for each in usual):
         best = best if is_clear(shares(best) - shares(claim)) else claim

@@ -240,7 +240,7 @@ class KnownPlaces:
         """Poses (k, 3) spread evenly over the map."""
         count = 100
         chosen = np.linspace(0, len(self._positions) - 1, min(count, len(self._positions)))
-        golden = np.pi * (3.0 - np.sqrt(5.0))  # Multiples of this angle are spread evenly.
+        golden = np.pi * (3 - np.sqrt(5))  # Multiples of this angle are spread evenly.
         headings = wrap_angle(golden * np.arange(len(chosen)))
         return self._poses(self._positions[chosen.astype(np.int64)], headings)
 
@@ -260,9 +260,8 @@ class KnownPlaces:
             poses.append(self._poses(self._positions[best], headings[turned]))
         ranked = np.concatenate(poses)[np.argsort(-np.concatenate(scored), kind="stable")]
         most_climbed = 120  # Largest number of poses from which the score is climbed.
-        next_peak = 0.5  # Least distance between them [m],
-        next_turn = 0.15  # or turn [rad].
-        return ranked[distinct(ranked, next_peak, next_turn, most_climbed)]
+        # Peaks are half as far apart as places.
+        return ranked[distinct(ranked, 0.5 * APART, 0.5 * TURNED, most_climbed)]
 
 
 def _scaled(hits: Records, scale: float) -> Records:

@@ -121,7 +121,7 @@ class KnownLines(Value):
         segments = line_map.segments[solid]
         offset = deviation / np.sqrt(np.maximum(line_map.points[solid], 1))
         # Points spread evenly over the length L scatter by L/√12 about the middle.
-        turn = offset * np.sqrt(12.0) / lengths(segments)
+        turn = offset * np.sqrt(12) / lengths(segments)
         return cls(segments, line_map.objects[solid], np.column_stack([turn, offset]), True)
 
     def __len__(self) -> int:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Int, lengths
-from lrf3d.studio.render.text import LINE, gap_of, row_of, scale_of, stacked
+from lrf3d.studio.render.text import LINE, gap_of, length_of, row_of, scale_of, stacked
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.found import (
@@ -22,9 +23,9 @@ from lrf3d.studio.scene.found import (
 )
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
-from lrf3d.studio.scene.panel import INK, PALE, metres
+from lrf3d.studio.scene.panel import INK, PALE
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
-from lrf3d.studio.scene.timeline import smoothed
+from lrf3d.studio.scene.timeline import metres, smoothed
 
 # What draws a map, of a size [pixels].
 Draw = Callable[[Inset, tuple[int, int]], Pixels]
@@ -56,11 +57,17 @@ _CLOSE = 4.0
 # Time in which the map comes near to that [s of the film].
 _NEARS = 1.2
 
-# When it has gone from there again, in these times.
-_CLOSE_UNTIL = 4.0
+# How long that is shown [s of the film].
+_CLOSE_LASTS = 3.2
+
+# Number of missed walls whose lengths are said.
+_NAMED = 3
 
 # Colour of the frame of a map, 0…255.
 _FRAME_COLOUR = (38, 50, 72)
+
+# A usual number under a map, which chooses the size of all.
+_USUAL = (("19 hits: ±16 cm  ·  missed", INK),)
 
 
 class MapBeside:
@@ -86,18 +93,20 @@ class MapBeside:
         self.close = look.NOTHING
         self._colours = colours if name else ()
         self._letter = letter
+        # Heights of the letters of the name and of the number.
+        self.letters = [letter, letter]
         self.window = scene.inset_view(high / wide, turns=True, compared=bool(name))
         self.size = wide, min(high, round(wide * self.window.aspect))
         self._among_robots = bool(name and robots_of(scene.run.obstacles))
 
     def _window(self, time: float) -> InsetView:
-        """What is shown at a time [s]: after the last scan it is close to a wall for a while."""
+        """What is shown at a time [s]: after the last scan it is close to a wall."""
         timeline = self._scene.timeline
         middle = self.window.middle
         # The last stop is shown for a while.
         passed = time - float(timeline.run.trajectory.times.max())
         passed /= timeline.playback * _NEARS
-        share = smoothed(np.clip(min(passed, _CLOSE_UNTIL - passed), 0.0, 1.0))
+        share = smoothed(np.clip(passed, 0.0, 1.0))
         if middle is None or not len(self.close):
             return self.window
         width = self.window.width * (_CLOSE / self.window.width) ** share
@@ -123,23 +132,26 @@ class MapBeside:
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
         inset = self._scene.inset(moment, self._window(time), self._colours, lost)
-        head = "Map of " * self._among_robots + self.name
+        named = "Map of " * self._among_robots + self.name
+        of = f" of {len(found)}" * (not self._among_robots)
+        counts = f"{found.sum()}{of} walls"
+        wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
         for wall in self.close[: int(ended)]:
             hits, off = hits_on(run, wall)
-            head += f"  ·  hits ±{100 * off:.0f} cm" * bool(len(hits))
+            counts = f"{counted(len(hits), 'hit')}: ±{100 * off:.0f} cm"
+            wrong = ["missed"] * bool((lost == wall).all(axis=1).any())
             inset = inset._replace(marks=(*inset.marks, ("plan hits", self._scene.spots(hits))))
         plan = draw(inset, self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_WALL
         kind = "The map" if len(run.maps) else "Seen"
-        name = head or kind + " so far" * (not ended), _ink(tint)
-        wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
+        name = named or kind + " so far" * (not ended), _ink(tint)
         red = [("·  " + ", ".join(wrong), _ink(look.FALSE_COLOUR))] * bool(wrong)
         if not self.name:
             return [self._row(name, *red), Image.fromarray(plan)]
-        of = f" of {len(found)}" * (not self._among_robots)
-        counts = (f"{found.sum()}{of} walls found", INK), *red
-        return [self._row(name), Image.fromarray(plan), *[self._row(*counts)] * bool(len(found))]
+        texts = zip(((name,), ((counts, INK), *red)), self.letters, strict=True)
+        head, number = (row_of(words, letter, self.size[0]) for words, letter in texts)
+        return [head, Image.fromarray(plan), *[number] * bool(len(found))]
 
     def legend(self) -> list[Image.Image]:
         """What is seen in maps, and their scale."""
@@ -177,33 +189,27 @@ class Comparison:
     """
 
     def __init__(self, scenes: Mapping[str, Scene], size: tuple[int, int], title: str) -> None:
-        width, height = size
-        count = max(1, len(scenes))
+        width, _ = size
         letter = _LARGE * scale_of(size)
         self.title = title
         self._gap = gap_of(size)
         self._head = round((1.0 + _LESSER) * LINE * letter) + self._gap
         self._size = size
-        # Each map has a name over it, and a number under it.
-        text = round(2.0 * LINE * letter) + self._gap
-        colours = look.PALE_WALL, look.TRAIL_COLOUR
-        cells = [
-            (width // -(-count // rows), (height - self._head) // rows)
-            for rows in range(1, count + 1)
-        ]
-        laid_out = [
-            [MapBeside(scene, room, letter, name, colours) for name, scene in scenes.items()]
-            for room in np.maximum(np.array(cells) - [2 * self._gap, text], 1).tolist()
-        ]
-        # Fewer rows where more do not show the world larger.
-        self.maps, self._cell = max(
-            zip(laid_out, cells, strict=True),
-            key=lambda each: max([one.scale for one in each[0]], default=0.0),
-        )
-        runs: list[Any] = [each.timeline.run for each in scenes.values()]
+        self.maps, self._cell = self._laid_out(scenes, letter)
+        timelines = [each.timeline for each in scenes.values()]
+        runs: list[Any] = [each.run for each in timelines]
+        self.runs = runs
         close = missed_most(runs)
         for each in self.maps:
             each.close = close
+            # All names are as large, and so are all numbers.
+            texts = max((((each.name, INK),) for each in self.maps), key=length_of), _USUAL
+            each.letters = [min(letter, each.size[0] / length_of(words)) for words in texts]
+        # Until when the maps are shown [s], and not the world with what they miss.
+        ends = [
+            each.run.trajectory.times.max() + _CLOSE_LASTS * each.playback for each in timelines
+        ]
+        self.until = max(ends, default=-np.inf)
         missed = sum((lost_after(run, len(run) - 1) == close).all(axis=1).any() for run in runs)
         by = f"by {missed} of {len(runs)} maps"
         lost = [f"A wall of {metres(long)} is missed {by}" for long in lengths(close).tolist()]
@@ -216,6 +222,42 @@ class Comparison:
                 (title, *lost, title), (_KEYS[0], _KEYS[len(close)]), strict=False
             )
         ]
+
+    def _laid_out(
+        self, scenes: Mapping[str, Scene], letter: float
+    ) -> tuple[list[MapBeside], tuple[int, int]]:
+        """The maps, and the room of each: fewer rows where more do not show the world larger."""
+        width, height = self._size
+        count = max(1, len(scenes))
+        # Each map has a name over it, and a number under it.
+        text = round(2.0 * LINE * letter) + self._gap
+        colours = look.PALE_WALL, look.TRAIL_COLOUR
+        cells = [
+            (width // -(-count // rows), (height - self._head) // rows)
+            for rows in range(1, count + 1)
+        ]
+        laid_out = [
+            [MapBeside(scene, room, letter, name, colours) for name, scene in scenes.items()]
+            for room in np.maximum(np.array(cells) - [2 * self._gap, text], 1).tolist()
+        ]
+        return max(
+            zip(laid_out, cells, strict=True),
+            key=lambda each: max([one.scale for one in each[0]], default=0.0),
+        )
+
+    def card(self) -> tuple[str, ...]:
+        """What is said in the end: what each map misses, and whether these walls are short."""
+        walls = [lengths(visible_to(run)[0]) for run in self.runs]
+        lost = [lengths(lost_after(run, len(run) - 1)) for run in self.runs]
+        rows = list[str]()
+        for each, seen, missed in zip(self.maps, walls, lost, strict=True):
+            words = ", ".join(metres(long) for long in missed.tolist())
+            named = f"; missed: {words}" * (0 < len(missed) <= _NAMED)
+            rows.append(f"{each.name}: {len(seen) - len(missed)} of {len(seen)} walls found{named}")
+        longest = max((missed.max(initial=0.0) for missed in lost), default=0.0)
+        short = 0.0 < longest < max((np.median(seen) for seen in walls), default=0.0)
+        head = "Short walls are lost in noise first" if short else self.title
+        return (head, *rows) if sum(map(len, walls)) else ("",)
 
     def picture(self, time: float, draws: Iterable[Draw]) -> Pixels:
         """The maps (h, w, 3) at a time [s], each with what draws it."""

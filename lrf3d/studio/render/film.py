@@ -177,6 +177,7 @@ class Film:
             for some in (maps, compared)
         )
         self._comparison = Comparison(others, chosen.size, chosen.title)
+        self.scene.judged += self._comparison.runs
         room = self._lay_out(chosen)
         self.maps = self._maps_in(room, chosen, colours)
         # Width of the strip with the map [pixels], in which nothing else is drawn.
@@ -222,7 +223,7 @@ class Film:
         """The picture (h, w, 3) uint8 at a time of the run [s]."""
         moment = self.timeline.moment(time)
         view = self._view(time)
-        if self._comparison.maps and view.shot != FIRST_SHOT:
+        if view.shot != FIRST_SHOT and time < self._comparison.until:
             return self._comparison.picture(time, [each.plan for each in self._drawers])
         seen = self.scene.seen(moment, view, self._size, self._layers)
         # What is left of the picture; the strip leaves it to the right.
@@ -237,7 +238,7 @@ class Film:
 
     def _label(self, moment: Moment, view: Look) -> Label:
         """The text of a moment, of several robots with what their maps hold."""
-        words = together(self._scenes, moment.time) if self._scenes else ("",)
+        words = together(self._scenes, moment.time) if self._scenes else self._comparison.card()
         heads = {FIRST_SHOT: self._comparison.title}
         heads |= dict.fromkeys(("rise", "whole"), words[0])
         heads |= dict.fromkeys(SHOTS, words[(1 + view.robot) % len(words)])
@@ -253,10 +254,13 @@ class Film:
             robots=tuple(self._scenes),
         )
         if any(words) and panel.has_card(self.run, moment, view):
-            # What each has found is in its colour.
-            tints = [panel.whole(colour or PALE_WALL) for colour in self.scene.team.values()]
-            text = words[0], *(f"{NAMED} {each}" for each in words[1:])
-            label = label._replace(text=text, colours=(panel.INK, *tints))
+            head, *found = words
+            colours = [panel.PALE] * len(found)
+            if self._scenes:
+                # What each robot has found is in its colour.
+                found = [f"{NAMED} {each}" for each in found]
+                colours = [panel.whole(each or PALE_WALL) for each in self.scene.team.values()]
+            label = label._replace(text=(head, *found), colours=(panel.INK, *colours))
         return label
 
     def _beside(self, picture: Pixels, time: float) -> Pixels:

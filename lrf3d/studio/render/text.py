@@ -62,10 +62,15 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(folder / "DejaVuSans.ttf", size)
 
 
+def length_of(words: Words, apart: str = " ") -> float:
+    """The length of a row, in the height of its letters."""
+    return max(_font(100).getlength(apart.join(text for text, _ in words)) / 100, 1.0)
+
+
 @lru_cache(maxsize=64)
 def row_of(words: Words, letter: float, wide: float, apart: str = " ") -> Image.Image:
     """A row on a clear ground, in letters that fit in a width; empty where they are too small."""
-    length = max(_font(100).getlength(apart.join(text for text, _ in words)) / 100, 1.0)
+    length = length_of(words, apart)
     fitting = min(letter, wide / length)
     high = round(LINE * min(letter, int(fitting))) * (fitting >= _LEAST_LETTER)
     picture = Image.new("RGBA", (max(round(length * fitting), 0) + 1, high))

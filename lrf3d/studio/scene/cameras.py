@@ -10,8 +10,8 @@ import shapely
 
 from lrf3d.geometry.lines import Float
 from lrf3d.studio.scene.camera import AIM, CameraPath, Look, PathCamera, SmoothPath
-from lrf3d.studio.scene.drift import Drift
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
+from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 from lrf3d.world.cameras import FixedCamera
@@ -66,6 +66,9 @@ _SIDES = np.radians(np.arange(-110.0, 0.0, 5.0))[:, None]
 # Share of an overview's worth that it loses if the robot is hidden in the end.
 _HIDDEN = 0.6
 
+# The same if it is a radian away from the one before.
+_FAR_ROUND = 0.1
+
 # Angular speed of an overview [rad/s of the film].
 DRIFT = np.radians(1.2)
 
@@ -76,8 +79,10 @@ _LONGEST = 20.0
 # How far the whole reaches past its walls [m].
 _PAST = 0.5
 
-# Distance from the drive within which the path by odometry is shown, in extents of the drive.
-_ASTRAY = 0.8
+# Share of the walls of a recording at its edges, and how far from all others these may lie, in the
+# extent of the others.
+_FEW = 0.01
+_RIM = 0.1
 
 # Extent of a world from which on only what is near the drive is shown as the whole [m].
 _LARGEST_WORLD = 600.0
@@ -171,11 +176,13 @@ def overview(
     at: float | None = None,
     drift: float = DRIFT,
     steeps: Sequence[float] = (),
+    after: PathCamera | None = None,
 ) -> PathCamera:
     """Shows the whole world from its best side, and drifts slowly round it [rad/s of the film].
 
     It reaches that side at a given time [s] of a story, or else in the middle of the run. It may
-    look down as steeply as fills the picture best [rad]. In the end it sees the robot.
+    look down as steeply as fills the picture best [rad], and not turn far from another one that
+    comes before. In the end it sees the robot.
     """
     corners = corners_of(timeline, structures)
     passed = np.linspace(-_LONGEST, _LONGEST, 9)
@@ -196,7 +203,11 @@ def overview(
         eyes = np.array([track.eyes() for track in tracks])
         ground = np.array([np.sin(track.steeps[0]) / track.aways[0] ** 2 for track in tracks])
         hidden = structures.hides(eyes, last, timeline.run.radius, structures.tops)
-        best = tracks[int(np.argmax(ground * (1.0 - _HIDDEN * hidden)))]
+        worth = ground * (1.0 - _HIDDEN * hidden)
+        if after is not None:
+            sides = np.array([track.turns.item() for track in tracks])
+            worth *= 1.0 - _FAR_ROUND * np.abs(sides - after.track(aspect).at(times).turns.mean())
+        best = tracks[int(np.argmax(worth))]
         return fitted(corners, times, best.turns + drift * passed, best.steeps.item(), *shape)
 
     return PathCamera(track, {"cuts": True, "dusk": 1.0, "shot": "whole"})
@@ -217,18 +228,24 @@ def top(timeline: Timeline, structures: Structures) -> PathCamera:
     return PathCamera(track, {"shows_map": True, "inset": 0.0, "shot": "whole"})
 
 
+def places_of(run: Shown, structures: Structures) -> Float:
+    """The ends of walls (n, 2) without those of a recording that are far from all others [m].
+
+    What was seen through a door far away would make all else small.
+    """
+    ends = structures.places
+    if run.knows_truth or not len(ends):
+        return ends
+    low, high = np.quantile(ends, [_FEW, 1.0 - _FEW], axis=0)
+    rim = _RIM * (high - low)
+    return np.asarray(ends[((ends >= low - rim) & (ends <= high + rim)).all(axis=1)])
+
+
 def corners_of(timeline: Timeline, structures: Structures) -> Float:
     """Corners (n, 3) of all that is to be in a picture of the whole [m]."""
     run = timeline.run
     path = run.trajectory.poses[:, :2] - timeline.origin
-    drift = Drift.of(run, timeline.origin, timeline.playback)
-    if drift is not None:
-        ghost = drift.alone.poses[:, :2]
-        # Odometry may go astray without end.
-        reach = np.ptp(path, axis=0).max()
-        near = (np.abs(ghost - path.mean(axis=0)) < _ASTRAY * reach).all(axis=1)
-        path = np.concatenate([path, ghost[near]])
-    ends = structures.places
+    ends = places_of(run, structures)
     if len(ends) and float(np.ptp(ends, axis=0).max()) > _LARGEST_WORLD:
         low = path.min(axis=0) - _DRIVE_AROUND
         high = path.max(axis=0) + _DRIVE_AROUND

@@ -1,133 +1,165 @@
-"""Drift: the path by odometry alone, which starts again from the estimate where a loop closes.
+"""Drift: where odometry alone puts the robot, and all that its laser has met.
 
-The estimate of a run enters; the ghost of the robot, its path, and what each loop removed leave.
+The estimate of a run enters; the path by odometry, what was hit from there, and the loop that shows
+best how far it drifts leave.
 """
 
-from itertools import pairwise
+from collections.abc import Iterator
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import Float, Int, cross
 from lrf3d.geometry.pose import between, compose
-from lrf3d.studio.scene.bodies import flat_dart
-from lrf3d.studio.scene.look import BOLD, TINY, TRAIL_HEIGHT, rgb
-from lrf3d.studio.scene.marks import trail_lines
-from lrf3d.studio.scene.shapes import Lines, Soft, level_lines
+from lrf3d.studio.scene.look import BOLD, TRAIL_HEIGHT, rgb
+from lrf3d.studio.scene.marks import TRAIL_FADE, trail_lines
+from lrf3d.studio.scene.shapes import Lines, Mark, Points, level_lines, single
 from lrf3d.studio.scene.shown import Shown
-from lrf3d.studio.scene.timeline import DriveKeys, interpolated
+from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline, interpolated, smoothed
 
-# Colour of the path by odometry: paler than all others, as it is a ghost.
-GHOST_COLOUR = rgb("#a9c4ff")
+# Colour of all that is where odometry alone puts it.
+GHOST_COLOUR = rgb("#ff4d26")
 
-# Time for which a loop is shown as it closes [s of the film].
-CLOSING_TIME = 2.4
+# Least drift that is seen where a loop closes, in the extent of the loop, which is the most.
+_SEEN = 0.06
 
-# Least distance that a loop removes to be reported [m]: less is not seen in a picture.
-_SEEN = 0.02
+# Least area that a loop encloses, in that of a circle as long: what goes round twice has half.
+_ROUND = 0.6
 
-# Least distance by which a loop moves the estimate so that it is seen to close [m].
-CLOSES = 0.5
+# A loop is as large as others, in what the largest one encloses.
+_LARGE = 0.9
 
-# Opacity of the ghost of the robot.
-_GHOST = 0.55
+# Number of hits that odometry alone puts astray, about.
+_HITS = 24_000
 
-# Size of that ghost [m].
-_GHOST_SIZE = 0.5
+# Diameter of these hits [m], and at least and at most [pixels of 720 lines].
+_HIT_SIZE = 0.08, (2.0, 5.0)
 
-# Distance from the robot from which on its ghost is fully seen [m].
-_APART = 0.3
+# Shots that show them, and how opaque they are.
+_SHOTS = ("proof", "rise", "whole", "end")
+_OPAQUE = 0.8
+
+# Until when they stay there after the run, and how long they take from there [s of the film].
+_UNTIL = 0.4
+_COMES_BACK = 1.4
 
 
 class Drift(NamedTuple):
-    """How odometry drifts off the estimate of a run, and the loops that remove it."""
+    """How odometry alone drifts off the estimate of a run."""
 
-    # The path by odometry; it jumps where a loop closes.
-    keys: DriveKeys
     # The path of the estimate.
     believed: DriveKeys
-    # (c,) times at which loops close, from the start of the run on [s].
-    times: Float
-    # (c, 4) from where odometry led to where the loop puts the robot, in the film's frame [m].
-    jumps: Float
-    # The path by odometry if no loop were closed.
+    # The path by odometry alone.
     alone: DriveKeys
-    # Its distance from the estimate at the end [m].
-    total: float
-
-    @property
-    def removed(self) -> Float:
-        """How much drift each loop removed (c,) [m]."""
-        return np.asarray(np.hypot(*(self.jumps[:, 2:] - self.jumps[:, :2]).T))
+    # The scans with which the loop begins and closes that shows it best, if one does.
+    loop: tuple[int, int] | None
 
     @classmethod
-    def of(cls, run: Shown, origin: Float, playback: float) -> "Drift | None":
-        """The drift of a run in a frame with an origin (2,); None where it is not known.
-
-        Loops that close soon after one another [s of the run in a second of the film] are one.
-        """
+    def of(cls, run: Shown, origin: Float) -> "Drift | None":
+        """The drift of a run in a frame with an origin (2,); None where it is not known."""
         estimate = run.estimate
         if estimate is None or len(estimate.odometry) < 2:
             return None
         poses = estimate.poses - [*origin, 0.0]
         odometry = estimate.odometry
         times = run.trajectory.times - run.trajectory.times.min()
-        closed = list[int]()
-        for scan in np.unique(estimate.closures.max(axis=1, initial=0)).tolist():
-            if scan and (not closed or times[scan] - times[closed[-1]] > CLOSING_TIME * playback):
-                closed.append(scan)
-        parts = list[tuple[Float, Float]]()
-        bounds = [0, *closed, len(poses) - 1]
-        for first, last in pairwise(bounds):
-            path = compose(poses[first], between(odometry[first], odometry[first : last + 1]))
-            when = times[first : last + 1].copy()
-            when[0] += TINY * (first > 0)
-            parts.append((when, path))
-        ends = np.array([path[-1, :2] for _, path in parts[:-1]]).reshape(-1, 2)
-        jumps = np.hstack([ends, poses[closed, :2]])
-        alone = DriveKeys(times, compose(poses[0], between(odometry[0], odometry)))
-        steps, paths = map(np.concatenate, zip(*parts, strict=True))
-        paths[:, 2] = np.unwrap(paths[:, 2])
-        seen = np.hypot(*(jumps[:, 2:] - jumps[:, :2]).T) > _SEEN
-        keys = DriveKeys(steps, paths)
-        total = float(np.hypot(*(alone.poses[-1] - poses[-1])[:2]))
-        believed = DriveKeys(times, poses)
-        return cls(keys, believed, times[closed][seen], jumps[seen], alone, total)
+        alone = compose(poses[0], between(odometry[0], odometry))
+        alone[:, 2] = np.unwrap(alone[:, 2])
+        loop = _loop(poses, alone, estimate.closures)
+        return cls(DriveKeys(times, poses), DriveKeys(times, alone), loop)
+
+    def gap(self, time: float) -> Lines:
+        """The line from where odometry alone puts the robot at a time [s] to where it is."""
+        ghost, robot = (
+            interpolated(np.array([time]), keys.times, keys.poses[:, :2])
+            for keys in (self.alone, self.believed)
+        )
+        white = np.ones((1, 3))
+        return level_lines(2.0 * TRAIL_HEIGHT, ghost, robot, white, np.ones((1, 2)), BOLD)
 
     def off(self, time: float) -> float:
-        """How far odometry alone is off the estimate at a time [s], since the last loop [m]."""
-        now = np.array([time])
-        ghost, robot = (
-            interpolated(now, keys.times, keys.poses[:, :2]) for keys in (self.keys, self.believed)
-        )
-        return float(np.hypot(*(ghost - robot)[0]))
+        """How far odometry alone is off the estimate at a time [s], [m]."""
+        gap = self.gap(time)
+        return float(np.linalg.norm(gap.ends - gap.starts))
 
-    def ghost(self, time: float) -> Soft:
-        """The robot where odometry alone puts it at a time [s]."""
-        (pose,) = interpolated(np.array([time]), self.keys.times, self.keys.poses)
-        dart = flat_dart(pose, _GHOST_SIZE, 2.0 * TRAIL_HEIGHT, GHOST_COLOUR)
-        # Only the pale dart, without its dark rim, and none of it under the robot.
-        colours = dart.colours[2:].copy()
-        colours[..., 3] = _GHOST * min(self.off(time) / _APART, 1.0)
-        return Soft(dart.corners[2:], colours)
 
-    def trail(self, time: float, fade: float) -> Lines:
-        """The path by odometry since the last loop before a time [s]; all of it at the end."""
-        if time >= self.alone.times[-1]:
-            return trail_lines(self.alone, time, fade, GHOST_COLOUR)
-        past = self.times[self.times <= time]
-        since = self.keys.times > past.max(initial=-1.0)
-        return trail_lines(
-            DriveKeys(*(each[since] for each in self.keys)), time, fade, GHOST_COLOUR
-        )
+def _loop(poses: Float, alone: Float, closures: Int) -> tuple[int, int] | None:
+    """The first of the largest loops of a path that odometry alone (k, 3) is seen to miss."""
+    places = poses[:, :2]
+    steps = np.hypot(*np.diff(places, axis=0).T)
+    driven = np.append(0.0, np.cumsum(steps))
+    swept = np.append(0.0, np.cumsum(cross(places[:-1], places[1:])))
+    first, last = np.sort(closures, axis=1)[np.argsort(closures.max(axis=1), kind="stable")].T
+    areas = 0.5 * np.abs(swept[last] - swept[first] + cross(places[last], places[first]))
+    extents = np.sqrt(areas)
+    off = np.hypot(*(alone - poses)[last, :2].T)
+    seen = (off > _SEEN * extents) & (off < extents)
+    areas *= seen & (4.0 * np.pi * areas > _ROUND * (driven[last] - driven[first]) ** 2)
+    if not areas.max(initial=0.0):
+        return None
+    best = int(np.argmax(areas >= _LARGE * areas.max()))
+    return int(first[best]), int(last[best])
 
-    def closings(self, time: float, lasting: float) -> Lines:
-        """Lines along which loops have just moved the robot at a time, fading in a time [s]."""
-        age = (time - self.times) / lasting
-        past = (age >= 0.0) & (age < 1.0)
-        fresh = 1.0 - age[past]
-        starts, ends = np.hsplit(self.jumps[past], 2)
-        opacities = np.column_stack([fresh, fresh])
-        return level_lines(
-            2.0 * TRAIL_HEIGHT, starts, ends, np.ones((len(starts), 3)), opacities, BOLD
-        )
+
+class Astray:
+    """What a run's laser has met, where odometry alone puts it or, by shares, the estimate."""
+
+    def __init__(self, run: Shown, drift: Drift) -> None:
+        self._run = run
+        self._drift = drift
+        # The steps of both paths, each as seen from the one before.
+        paths = drift.alone.poses, drift.believed.poses
+        self._steps = [between(each[:-1], each[1:]) for each in paths]
+
+    @cached_property
+    def _met(self) -> tuple[Int, Float]:
+        """The scans (n,) of some hits, and where these are as seen from the robot (n, 2) [m]."""
+        poses = self._run.trajectory.poses
+        scans = [self._run.scans_at(number)[0] for number in range(len(poses))]
+        every = 1 + sum(int(scan.hits.sum()) for scan in scans) // _HITS
+        hits = [scan.points()[number % every :: every] for number, scan in enumerate(scans)]
+        whose = np.repeat(np.arange(len(scans)), [len(each) for each in hits])
+        return whose, _turned(np.concatenate(hits) - poses[whose, :2], -poses[whose, 2])
+
+    def marks(
+        self, moment: Moment, shot: str, timeline: Timeline
+    ) -> Iterator[tuple[str, str, Mark]]:
+        """Layer, name and mark at a moment of a shot; in the end what is astray comes back."""
+        now = moment.time - timeline.start
+        if shot != "end":
+            fade = TRAIL_FADE * timeline.playback
+            yield "estimate", "drift", trail_lines(self._drift.alone, now, fade, GHOST_COLOUR)
+        if self._drift.loop is None or shot not in _SHOTS:
+            return
+        passed = (moment.now - timeline.end) / timeline.playback
+        share = smoothed(np.clip((passed - _UNTIL) / _COMES_BACK, 0.0, 1.0))
+        yield "estimate", "astray", self.points(moment.mapped, share, _OPAQUE * (1.0 - share**4))
+        if shot == "proof":
+            yield "estimate", "gap", self._drift.gap(now)
+
+    def points(self, scan: int, share: float, opacity: float) -> Points:
+        """What has been met up to a scan, at a share 0…1 of the way to where the estimate puts it.
+
+        On the way the path unbends.
+        """
+        by_odometry, by_estimate = self._steps
+        steps = by_odometry + share * (by_estimate - by_odometry)
+        start = self._drift.believed.poses[:1]
+        headings = start[:, 2] + np.append(0.0, np.cumsum(steps[:, 2]))
+        moved = np.cumsum(_turned(steps[:, :2], headings[:-1]), axis=0)
+        places = start[:, :2] + np.insert(moved, 0, 0.0, axis=0)
+        whose, met = self._met
+        whose = whose[whose <= scan]
+        level = places[whose] + _turned(met[: len(whose)], headings[whose])
+        colours = np.tile([*GHOST_COLOUR, opacity], (len(level), 1))
+        spots = np.insert(level, 2, self._run.lasers[0].height, axis=1)
+        sides = single(0.0 * level)
+        return Points(single(spots), single(colours), sides, *_HIT_SIZE, glows=False)
+
+
+def _turned(places: Float, angles: Float) -> Float:
+    """Places (n, 2) turned round the origin by angles [rad]."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    x, y = places.T
+    return np.column_stack([cos * x - sin * y, sin * x + cos * y])

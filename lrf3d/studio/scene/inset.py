@@ -17,6 +17,9 @@ _ASPECTS = (0.22, 1.6)
 # Factor of the extent of the world that leaves a rim.
 _RIM = 1.04
 
+# How much larger all is at least in a view that is turned.
+_TURNS = 1.1
+
 # Width in lengths of the longest scale bar.
 _BARS = 3.0
 
@@ -42,7 +45,8 @@ class InsetView(NamedTuple):
         low = places.min(axis=0)
         high = places.max(axis=0)
         wide, tall = _RIM * (high - low)
-        turned = bool(turns and max(tall, wide / tallest) < max(wide, tall / tallest))
+        larger = max(wide, tall / tallest) / max(tall, wide / tallest, look.TINY)
+        turned = bool(turns and larger > _TURNS)
         if turned:
             wide, tall = tall, wide
         aspect = min(max(float(tall / max(wide, look.TINY)), _ASPECTS[0]), tallest)

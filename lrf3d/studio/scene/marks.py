@@ -20,6 +20,9 @@ from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import FARTHEST, SIGHT_DISTANCE, Structures, folded
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, interpolated
 
+# Time in which the trail fades to its lasting opacity [s of the film].
+TRAIL_FADE = 15.0
+
 # Colours of hit points from near to far.
 RANGE_COLOURS = np.array([look.rgb(code) for code in ("#fff2cc", "#ffbd6b", "#f28038")])
 

@@ -16,12 +16,13 @@ from lrf3d.geometry.lines import LEFT, Float, directions, lengths
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import Look
+from lrf3d.studio.scene.cameras import places_of
 from lrf3d.studio.scene.clouds import draw_clouds
-from lrf3d.studio.scene.drift import CLOSING_TIME, Drift
+from lrf3d.studio.scene.drift import Astray, Drift
 from lrf3d.studio.scene.found import lost_after
 from lrf3d.studio.scene.glass import Panes, bounced, some_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
-from lrf3d.studio.scene.marks import DrawnEstimate, DrawnMap, draw_beams, trail_lines
+from lrf3d.studio.scene.marks import TRAIL_FADE, DrawnEstimate, DrawnMap, draw_beams, trail_lines
 from lrf3d.studio.scene.shapes import (
     ON_TOP,
     Inset,
@@ -77,9 +78,6 @@ _DART_SHARE = 0.034
 _LASER_TINTS = np.array(
     [(1.0, 1.0, 1.0), (0.5, 1.2, 3.0), (0.6, 2.0, 0.9), (1.0, 0.7, 3.0)], np.float32
 )
-
-# Time in which the trail fades to its lasting opacity [s of the film].
-_TRAIL_FADE = 15.0
 
 # How much wider walls are that have the colour of their robot: of those, some are lost.
 _CLEARER = 1.5
@@ -150,10 +148,13 @@ class Scene:
         self._mirrors = structures.segments[structures.mirrors]
         self._outlines = outlines_of(structures)
         self._estimate = DrawnEstimate.from_timeline(timeline)
-        self._drift = Drift.of(run, self.origin, timeline.playback)
+        drift = Drift.of(run, self.origin)
+        self._astray = None if drift is None else Astray(run, drift)
         # Among robots, a colour is a robot, not when a wall was found.
         own = look.TRAIL_COLOUR if self._robots else None
         self.team: Mapping[Any, look.Colour | None] = team or {run: own}
+        # The runs of which it is shown what their maps miss.
+        self.judged: list[Any] = [run]
         self._panes = Latest(2)
         self._maps = Latest()
         self._beams = Latest()
@@ -222,15 +223,14 @@ class Scene:
         if telling and view.shot == PROOF:
             beams = None
         drawn = self._snapshot(moment)
-        now = moment.time - self.timeline.start
         along = [("map", "ghosts", drawn.ghosts), ("map", "bands", drawn.bands)]
         return [
             *self._edges(moment, view),
             ("shadow", "shadow", bodies.robot_shadow(pose, self.run.radius)),
             ("shadow", "shadows", self.obstacles.shadows(moment.time)),
             ("trail", "past", self.obstacles.past(moment.time, self.timeline.playback)),
-            ("estimate", "ghost", self._drift and self._drift.ghost(now)),
             ("goal", "goal", self._goal),
+            *(self._astray.marks(moment, view.shot, self.timeline) if self._astray else ()),
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
@@ -294,16 +294,12 @@ class Scene:
 
     def _drawn_trails(self, now: float) -> tuple[tuple[str, str, Lines], ...]:
         found = []
-        fade = _TRAIL_FADE * self.timeline.playback
+        fade = TRAIL_FADE * self.timeline.playback
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if self.run.knows_truth:
             found.append(("trail", "trail", trail_lines(self.keys, now, fade)))
         for number, (keys, colour) in enumerate(self._robots):
             found.append(("trail", f"trail {number}", trail_lines(keys, now, fade, colour)))
-        if self._drift is not None:
-            lasting = CLOSING_TIME * self.timeline.playback
-            found.append(("estimate", "drift", self._drift.trail(now, fade)))
-            found.append(("estimate", "closings", self._drift.closings(now, lasting)))
         if self._estimate is not None:
             found.append(("estimate", "estimate", self._estimate.trail(now, fade)))
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
@@ -394,8 +390,8 @@ class Scene:
         # Robots share their walls.
         if view.shot != "end" or self._robots:
             return None
-        run: Any = self.run
-        lost = lost_after(run, moment.mapped) - np.tile(self.origin, 2)
+        missed = [lost_after(run, moment.mapped) for run in self.judged]
+        lost = np.unique(np.concatenate(missed), axis=0) - np.tile(self.origin, 2)
         lost = lost[np.argsort(-lengths(lost), kind="stable")]
         start, end = np.hsplit(lost, 2)
         aside = _RIBBON * view.away * directions(lost) @ LEFT
@@ -471,7 +467,10 @@ class Scene:
 
         A false room is in it, too, but not where it is compared: each run has its own.
         """
-        places = [self.run.trajectory.poses[:, :2] - self.origin, self.structures.places]
+        places = [
+            self.run.trajectory.poses[:, :2] - self.origin,
+            places_of(self.run, self.structures),
+        ]
         alone = not (self.live or compared)
         subject = subject_of(self.run, self.timeline.playback) if alone else None
         if subject and subject.aim is not None:

@@ -17,14 +17,14 @@ from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
-from lrf3d.studio.scene.drift import CLOSES, CLOSING_TIME, GHOST_COLOUR, Drift
+from lrf3d.studio.scene.drift import GHOST_COLOUR, Drift
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import NAMED, Label
 from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
 from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
-from lrf3d.studio.scene.timeline import Moment, lasting
+from lrf3d.studio.scene.timeline import Moment, lasting, metres
 
 # Kinds of panels: all numbers, or three facts.
 PANELS = ("full", "short")
@@ -55,8 +55,7 @@ def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
     if shot == "whole" and moment.time - run.trajectory.times.min() < TITLE_TIME * playback:
         return subject_of(run, playback).title
-    mapped = _mapped(run, moment.mapped) if shot in _SHOTS else shot
-    return _closing(run, moment, playback) or mapped
+    return _mapped(run, moment.mapped) if shot in _SHOTS else shot
 
 
 def _mapped(run: Run, scan: int) -> str:
@@ -71,29 +70,8 @@ def _mapped(run: Run, scan: int) -> str:
     return f"{found.sum()} of {counted(len(found), 'wall')} found{false}"
 
 
-def _closing(run: Run, moment: Moment, playback: float) -> str:
-    """Words on the loop that has closed in the last seconds, if any."""
-    drift = _drift_of(run, playback)
-    if drift is None:
-        return ""
-    since = moment.time - run.trajectory.times.min() - drift.times
-    fresh = np.flatnonzero((since >= 0.0) & (since < CLOSING_TIME * playback))
-    if not len(fresh):
-        return ""
-    removed = drift.removed[fresh[-1]]
-    # What hardly moves the estimate is not seen to close.
-    if removed < CLOSES:
-        return f"A known place again: {metres(removed)} corrected"
-    return f"A loop closes: {metres(removed)} of drift removed"
-
-
-def _drift_of(run: Run, playback: float) -> Drift | None:
-    return _DRIFTS.of((run, playback), partial(Drift.of, run, np.zeros(2), playback))
-
-
-def metres(length: float) -> str:
-    """A length in words, in centimetres below a metre."""
-    return f"{length:.1f} m" if length >= 1.0 else f"{100.0 * length:.0f} cm"
+def _drift_of(run: Run) -> Drift | None:
+    return _DRIFTS.of(run, partial(Drift.of, run, np.zeros(2)))
 
 
 def has_card(run: Run, moment: Moment, view: Look) -> bool:
@@ -174,22 +152,17 @@ def _card(run: Run, playback: float) -> Label:
     missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
     told = [(subject.found, INK)] * bool(subject.found)
-    drifted = _drifted(run, playback)
-    # What the film is about comes first.
-    if subject.moment is not None:
-        told += drifted[:1]
-        drifted = drifted[1:]
     colour = PALE if told else INK
-    return _label([*told, (found, colour), *missed, *drifted, (rest, PALE)])
+    return _label([*told, (found, colour), *missed, *_drifted(run), (rest, PALE)])
 
 
-def _drifted(run: Run, playback: float) -> list[tuple[str, tuple[int, int, int]]]:
+def _drifted(run: Run) -> list[tuple[str, tuple[int, int, int]]]:
     """Words on the loops of a run, and on how far its odometry drifted without them."""
-    drift = _drift_of(run, playback)
+    drift = _drift_of(run)
     if drift is None or run.estimate is None:
         return []
     loops = f"{counted(len(run.estimate.closures), 'time')} at a known place again"
-    alone = f"━ Odometry alone ends {metres(drift.total)} off"
+    alone = f"━ Odometry alone ends {metres(drift.off(np.inf))} off"
     return [(alone, whole(GHOST_COLOUR)), (loops, PALE)]
 
 
@@ -205,9 +178,9 @@ def _trails(
         colours = [look.TRAIL_COLOUR, *(colour for _, colour in others)]
         names = robot_names(run.obstacles, robots)
         found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
-    if (drift := _drift_of(run, playback)) is not None:
-        off = drift.off(moment.time - run.trajectory.times.min())
-        found.append((f"━ odometry since the last loop  {off:.2f} m off", GHOST_COLOUR))
+    if (drift := _drift_of(run)) is not None:
+        off = metres(drift.off(moment.time - run.trajectory.times.min()))
+        found.append((f"━ odometry alone  {off} off", GHOST_COLOUR))
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
     red, green, blue = HEIGHT_COLOURS[1].tolist()
     found += [("━ points of a lidar", (red, green, blue))] * bool(run.cloud_sensors.lidars)

@@ -43,6 +43,9 @@ CLOSING = 3.2
 # Part of that in which the rest of the run completes the map [s of the film].
 FILLING = 0.8
 
+# How much longer the end then is [s of the film].
+_COMES_BACK = 1.0
+
 # Approximate length of each other shot [s of the film].
 _SHOT = 2.0
 
@@ -63,6 +66,9 @@ _PROVEN = 0.8
 
 # Share of that shot which comes before its moment.
 _BEFORE = 0.45
+
+# The same share where the shot before it has shown what comes before.
+_CLOSED = 0.1
 
 # Rounding of its moment [s].
 _ROUNDING = 1e-6
@@ -97,12 +103,15 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     """The shots of a film of a length [s], in the order of the run; one proves what it is about."""
     playback = timeline.playback
     lasts = (timeline.end - timeline.start) / playback
-    fixed = FIRST - OPENING + RISE + CLOSING
+    subject = subject_of(timeline.run, playback)
+    # The end takes longer in which what odometry has put astray comes back.
+    comes_back = _COMES_BACK * (subject.since is not None)
+    fixed = FIRST - OPENING + RISE + CLOSING + comes_back
     # In a shorter film, the same shots are shorter.
     scale = min(1.0, (length + OPENING) / (fixed + OPENING + _SHOT))
     first = min(scale * FIRST, _FIRST_SHARE * lasts)
     # What the opening shows is proven by it; rounding neither loses the moment nor shows it twice.
-    moment = subject_of(timeline.run, playback).moment
+    moment = subject.moment
     proven = -np.inf if moment is None else moment - _ROUNDING
     if proven > timeline.start + playback * first:
         # The proof begins before its moment, if the first scan is still seen.
@@ -136,12 +145,16 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     proves = (starts < proven) & (proven <= starts + playback * each)
     ends = starts + playback * np.where(proves, part, each)
     others = np.array(SHOTS)[(np.cumsum(~proves) - 1) % len(SHOTS)]
-    names = np.where(proves, PROOF, others).tolist()
-    takes = each * np.where(proves, _SLOWER, 1.0)
+    # What takes more than a moment is seen fast before that, in the time of a proof.
+    ahead = np.append(proves[1:], False) & (subject.since is not None)
+    ends = np.where(ahead, np.append(starts[1:], 0.0), ends)
+    slow = np.where(subject.since is None, proves, ahead & (lasts > first + shown))
+    names = np.where(proves | ahead, PROOF, others).tolist()
+    takes = each * np.where(slow, _SLOWER, 1.0)
     begun = timeline.start + playback * min(OPENING, 0.5 * first)
     last = float(ends[-1])
     risen = last + (timeline.end - last) * rise / (rise + filling)
-    turned = closing - filling
+    turned = closing - filling + comes_back
     return (
         Shot("opening", (opened - begun) / playback, begun, opened),
         *map(Shot, names, takes.tolist(), starts.tolist(), ends.tolist()),
@@ -156,7 +169,8 @@ def _starts(
 ) -> Float:
     """Start times (count,) of the shots of a length [s of the film] in which most happens.
 
-    One is that of a moment [s]: as many come before it as there is time for, up to all others.
+    One is that of a moment [s], which has another one before it where more than that proves the
+    subject, from a time on [s]. As many come before these as there is time for, up to all others.
     """
     grid = np.linspace(timeline.start, timeline.end, _MOMENTS)
     lasts = (timeline.end - timeline.start) / timeline.playback
@@ -182,12 +196,21 @@ def _starts(
     if moment is None:
         return np.array(chosen(count, first, latest))
     part = min(each, _PROVEN)
-    wished = (moment - timeline.start) / timeline.playback - _BEFORE * part
-    proof = min(max(wished, first), lasts - each)
-    before = min(count - 1, int((proof - first) / each))
-    after = count - 1 - before
+    since = subject_of(timeline.run, timeline.playback).since
+    fast = int(since is not None and count > 1)
+    wished = (moment - timeline.start) / timeline.playback - (_CLOSED if fast else _BEFORE) * part
+    proves = min(max(wished, first), lasts - each)
+    begun = proves if since is None else (since - timeline.start) / timeline.playback
+    begins = min(max(begun, first), proves)
+    before = min(count - 1 - fast, int((begins - first) / each))
+    after = count - 1 - fast - before
     return np.array(
-        [*chosen(before, first, proof - each), proof, *chosen(after, proof + part, latest)]
+        [
+            *chosen(before, first, begins - each),
+            *[begins] * fast,
+            proves,
+            *chosen(after, proves + part, latest),
+        ]
     )
 
 

@@ -83,6 +83,10 @@ _LEAPS = 1.1
 # How steeply the camera of the proof looks down [rad].
 _PROVES = np.radians([40.0, 52.0, 64.0, 76.0])
 
+# From where it looks down on a loop [rad].
+_SQUARE = np.radians([-90.0, 0.0])
+_ABOVE = np.radians([84.0])
+
 # From where it looks along what is seen from its side [rad].
 _ASIDE = np.radians([-45.0, -135.0])
 _PROVES_ASIDE = np.radians([22.0, 28.0, 34.0])
@@ -180,7 +184,7 @@ class Story:
         self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
         # There it comes to rest.
         steeps = _PANE_STEEPS if structures.glass.any() else _STEEPS
-        self._plan = overview(timeline, structures, CARD, middle, 0.0, steeps)
+        self._plan = overview(timeline, structures, CARD, middle, 0.0, steeps, self._whole)
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
@@ -220,14 +224,16 @@ class Story:
         if shot.name == "opening":
             return (subject.title if passed < TITLE_TIME else _LIT,)
         told = self._leap(number) if passed < _LEAPS else ()
-        if shot.name == "proof":
+        rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
+        # The rest of the run is shown in the time that is left.
+        if self.leaps and shot.name in ("proof", "rise") and rushes:
+            told = ("fast forward",)
+        # That a loop has closed is still said where nothing else happens.
+        proven = ["rise"] * (subject.since is not None) * (not rushes)
+        if shot.name in ("proof", *proven):
             head = subject.proof if time < subject.until else subject.after
             names = robot_names(self._timeline.run.obstacles, self.names)
             return (head.format(*names), *told)
-        # The rest of the run is shown in the time that is left.
-        rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
-        if self.leaps and shot.name == "rise" and rushes:
-            told = ("fast forward",)
         return ("", *told)
 
     def _robot(self, number: int) -> int:
@@ -302,12 +308,16 @@ class Story:
         corners = np.concatenate([np.insert(shown, 2, high, axis=1) for high in (0.0, SECTION)])
         tracks = list[CameraPath]()
         sides, steeps = 2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES
+        if self._subject.since is not None:
+            sides, steeps, sway = _SQUARE, _ABOVE, 0.0 * sway
         if self._subject.along is not None:
             sides, steeps = self._subject.along + _ASIDE, _PROVES_ASIDE
         for turn, steep in product(sides, steeps):
             there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect, _TEXT)
             track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))
+        if self._subject.since is not None:
+            tracks = [min(tracks, key=lambda track: float(track.aways[0]))]
         path = SmoothPath(times, places, sway)
         best = self._seen(tracks, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
         if self._subject.aim is None:

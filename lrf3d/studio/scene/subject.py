@@ -12,7 +12,7 @@ from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LEFT, Float, Int
 from lrf3d.mapping.line_map import GLASS, MIRROR
-from lrf3d.studio.scene.drift import CLOSES, Drift
+from lrf3d.studio.scene.drift import Drift
 from lrf3d.studio.scene.found import distances, false_walls
 from lrf3d.studio.scene.glass import (
     EARLY,
@@ -23,7 +23,7 @@ from lrf3d.studio.scene.glass import (
     telling_beams,
 )
 from lrf3d.studio.scene.shown import Shown
-from lrf3d.studio.scene.timeline import FIRST, Moment
+from lrf3d.studio.scene.timeline import FIRST, Moment, metres
 
 # Time for which the title stands [s of the film].
 TITLE_TIME = 1.9
@@ -41,6 +41,10 @@ _FROM_AFAR = ("rise", "whole")
 _NEAR = 0.8
 
 
+# How far the picture of a loop reaches past its path [m].
+_PAST_LOOP = 3.5
+
+
 class Subject(NamedTuple):
     """What a film is about."""
 
@@ -52,6 +56,8 @@ class Subject(NamedTuple):
     places: Float = np.zeros((0, 2))
     # What is said of it, with the robots that it names by their numbers.
     proof: str = ""
+    # From when on that is seen, fast [s of the run], if it is more than a moment.
+    since: float | None = None
     # When that is over [s of the run], and what is said then.
     until: float = np.inf
     after: str = ""
@@ -87,7 +93,7 @@ def subject_of(run: Shown, playback: float) -> Subject:
 def _subject(run: Shown, playback: float) -> Subject:
     # What the first scan shows is shown by the opening.
     since = float(run.trajectory.times.min()) + FIRST * playback
-    found = _loop(run, playback) or _false_room(run, since) or _robots(run, since)
+    found = _loop(run) or _false_room(run, since) or _robots(run, since)
     found = found or _glass(run) or _reflectors(run, since)
     usual = "A robot maps what it has never seen" if len(run.maps) else "What a laser sees"
     if found or run.knows_truth:
@@ -95,16 +101,25 @@ def _subject(run: Shown, playback: float) -> Subject:
     return Subject(f"A file of {distances(run)} becomes a map")
 
 
-def _loop(run: Shown, playback: float) -> Subject | None:
-    """The loop that removes the most drift, if that is seen."""
-    drift = Drift.of(run, np.zeros(2), playback)
-    if drift is None or drift.removed.max(initial=0.0) < CLOSES:
+def _loop(run: Shown) -> Subject | None:
+    """The loop round which odometry alone is seen to drift."""
+    drift = Drift.of(run, np.zeros(2))
+    if drift is None or drift.loop is None:
         return None
-    most = int(np.argmax(drift.removed))
-    closes = float(run.trajectory.times.min() + drift.times[most])
-    title = "Odometry drifts; the laser finds the way back"
-    places = drift.jumps[most].reshape(2, 2)
-    return Subject(title, closes, places, "Pale: where odometry alone would be", closes)
+    first, last = drift.loop
+    begins, closes = run.trajectory.times[[first, last]].tolist()
+    path = drift.believed.poses[first : last + 1, :2]
+    length = np.hypot(*np.diff(path, axis=0).T).sum()
+    off = drift.off(closes - run.trajectory.times.min())
+    return Subject(
+        "Odometry drifts; the laser finds the way back",
+        closes,
+        np.array([path.min(axis=0) - _PAST_LOOP, path.max(axis=0) + _PAST_LOOP]),
+        "Red: where odometry alone puts it",
+        begins,
+        closes,
+        f"Back after {metres(length)}: odometry is {metres(off)} off",
+    )
 
 
 def _false_room(run: Shown, since: float) -> Subject | None:
@@ -126,6 +141,7 @@ def _false_room(run: Shown, since: float) -> Subject | None:
         known,
         near,
         "The red room is only a reflection",
+        None,
         known,
         "The same room, mirrored: so this is a mirror" * bool(mirrors),
         near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))],
@@ -152,6 +168,7 @@ def _robots(run: Shown, since: float) -> Subject | None:
         entered,
         np.vstack([_nearest(run, scans[first], false[first]), there[nearest]]),
         f"Here {{0}} meets {{{1 + nearest}}}",
+        None,
         entered,
         "Red: a robot taken for a wall",
         told=True,

@@ -173,6 +173,11 @@ def lasting(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 600.0 else f"{seconds / 60.0:.0f} min"
 
 
+def metres(length: float) -> str:
+    """A length in words, in centimetres below a metre."""
+    return f"{length:.1f} m" if round(length, 2) >= 1.0 else f"{100.0 * length:.0f} cm"
+
+
 def smoothed(share: Any) -> Any:
     """Shares in 0…1 that leave 0 and reach 1 slowly: the cubic that is flat at both ends."""
     return share * share * (3.0 - 2.0 * share)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from operator import mul
 from typing import Any
 
-from lrf3d.world.model import FOOT, INCH, METRES
+from lrf3d.base.units import FOOT, INCH, METRES
 
 # Height of a storey [m], for buildings with only a number of levels.
 LEVEL_HEIGHT = 3.0

@@ -11,10 +11,9 @@ import pytest
 from program import lrf3d, ran, refused
 from waiting import until
 
-from lrf3d import export_run, load_scenario, save_run
+from lrf3d import InputError, export_run, load_scenario, save_run
 from lrf3d.apps.cli.commands import COMMANDS
 from lrf3d.apps.cli.parser import _parser, lists, parse
-from lrf3d.base.errors import InputError
 from lrf3d.base.formats import FORMATS
 
 ROOM = """\
@@ -40,9 +39,8 @@ sigma = 0.05
 
 
 @pytest.fixture
-def room(tmp_path):
-    path = tmp_path / "box.toml"
-    path.write_text(ROOM)
+def room(written):
+    path = written("box.toml", ROOM)
     return path
 
 

@@ -33,13 +33,12 @@ def log_text():
 
 
 @pytest.fixture
-def log(log_text, tmp_path):
-    path = tmp_path / "room.log"
-    path.write_text(log_text[0])
+def log(log_text, written):
+    path = written("room.log", log_text[0])
     return path
 
 
-def test_a_laser_that_stands_is_said_to_stand(tmp_path):
+def test_a_laser_that_stands_is_said_to_stand(written, tmp_path):
     lrf = lrf3d.LaserRangeFinder(-np.pi / 2, np.pi / 2 - np.pi / 180, 180, range_max=20.0)
     scan = lrf3d.PlanarCaster(ROOM).cast(lrf, (2, 2, 0))
     rng = np.random.default_rng(1)
@@ -48,17 +47,17 @@ def test_a_laser_that_stands_is_said_to_stand(tmp_path):
         readings = scan.ranges + rng.normal(0.0, 0.02, len(scan.ranges))
         told = " ".join(f"{value:.3f}" for value in readings)
         lines.append(f"FLASER 180 {told} 2 2 0 2 2 0 {time} host {time}")
-    path = tmp_path / "still.log"
-    path.write_text("\n".join(lines))
+    path = written("still.log", "\n".join(lines))
     done = ran("slam", path, "--out", tmp_path / "out")
     assert "the laser stands, all poses lie within 0.0" in done.stdout
 
 
-def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
+def test_slam_writes_run_map_trajectory_and_summary(log, log_text, written, tmp_path):
     true = log_text[1]
     relative = lrf3d.odometry_increments(true[[0, len(true) - 1]])[0]
-    relations = tmp_path / "room.relations"
-    relations.write_text(f"0 {len(true) - 1} {relative[0]} {relative[1]} {relative[2]}\n")
+    relations = written(
+        "room.relations", f"0 {len(true) - 1} {relative[0]} {relative[1]} {relative[2]}\n"
+    )
     folder = tmp_path / "out"
     summary = told("slam", log, "--relations", relations, "--out", folder)
     assert summary == json.loads((folder / "summary.json").read_text())
@@ -120,7 +119,7 @@ def solved(log, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
+def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(written, tmp_path):
     path, _, run = scanned((0.3, 0.0, 0.0), 0.125)
     lines = ["PARAM robot_frontlaser_offset 0.3 0 host 0"]
     for number, (scan, (x, y, theta)) in enumerate(zip(run.scans, path.poses, strict=True)):
@@ -130,8 +129,7 @@ def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
             readings = " ".join(map(str, scan.ranges))
             place = " ".join(map(str, [*scan.pose, x, y, theta]))
             lines.append(f"FLASER 181 {readings} {place} {end}")
-    log = tmp_path / "drive.log"
-    log.write_text("\n".join(lines) + "\n")
+    log = written("drive.log", "\n".join(lines) + "\n")
     table = solved(log, tmp_path)
     assert len(table) == len(path) and table[:, 0] == pytest.approx(path.times, abs=1e-6)
     assert table[:, 1:3] == pytest.approx(path.poses[:, :2], abs=0.04)
@@ -141,14 +139,13 @@ def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
 
 
 @pytest.mark.slow
-def test_what_was_wrong_with_a_log_is_reported(log_text, tmp_path):
+def test_what_was_wrong_with_a_log_is_reported(log_text, written, tmp_path):
     text, true = log_text
     lines = text.splitlines()
     # Cut in the middle of a scan, and all of it before the cut twice.
     scans = len(lines) // 4
     part = "\n".join(lines[: 2 * scans + 1]) + "\n"
-    log = tmp_path / "twice.log"
-    log.write_text(part + part + lines[2 * scans + 1][:200])
+    log = written("twice.log", part + part + lines[2 * scans + 1][:200])
     folder = tmp_path / "out"
     done = ran("slam", log, "--out", folder)
     twice = f"{scans} scans and {scans + 1} odometry lines in the log more than once: read once"
@@ -162,9 +159,8 @@ def test_what_was_wrong_with_a_log_is_reported(log_text, tmp_path):
     assert np.hypot(*(table[:scans, 1:3] - true[:scans, :2]).T).max() < 0.05
 
 
-def test_a_missing_log_and_wrong_relations_are_one_line(log, tmp_path):
-    bad = tmp_path / "bad.relations"
-    bad.write_text("0 100000 1 0 0\n")
+def test_a_missing_log_and_wrong_relations_are_one_line(log, written, tmp_path):
+    bad = written("bad.relations", "0 100000 1 0 0\n")
     assert "missing.log: no such file" in refused("slam", "missing.log")
     assert "another log" in refused("slam", log, "--relations", bad, "--out", tmp_path / "out")
 

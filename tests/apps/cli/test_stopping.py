@@ -31,7 +31,7 @@ COMMANDS = {
     "render": ["render", "READY", *FILM, "1", "--out", "OUT/film.mp4"],
     "map": ["map", "LOG", "--out", "OUT"],
     "slam": ["slam", "LOG", "--out", "OUT"],
-    "sweep": ["sweep", "WORLD", "--seeds", "4", "--mapper", "robust", "--sigma", "0.1",
+    "sweep": ["sweep", "WORLD", "--seeds", "2", "--mapper", "robust", "--sigma", "0.1",
               "--workers", "2", "--out", "OUT"],
     "export": ["export", "READY", "--to", "glb", "--every", "2", "--out", "OUT/run.glb"],
     "view": ["view", "READY", "--no-browser"],
@@ -48,7 +48,7 @@ def place(tmp_path_factory):
     """A folder with a world, a run of it and its log."""
     folder = tmp_path_factory.mktemp("stopping")
     world = folder / "box.toml"
-    world.write_text(ROOM.replace("scan_interval = 0.5", "scan_interval = 0.02"))
+    world.write_text(ROOM.replace("scan_interval = 0.5", "scan_interval = 0.04"))
     ready, log = folder / "ready", folder / "drive.log"
     names = {"WORLD": str(world), "READY": str(ready), "LOG": str(log)}
     for command in (

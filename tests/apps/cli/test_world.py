@@ -74,9 +74,8 @@ DRAWING = """\
 
 
 @pytest.mark.slow
-def test_a_drawing_on_paper_is_warned_of_and_enlarged(tmp_path):
-    plan = tmp_path / "plan.svg"
-    plan.write_text(DRAWING)
+def test_a_drawing_on_paper_is_warned_of_and_enlarged(written):
+    plan = written("plan.svg", DRAWING)
     small = ran("world", "show", plan)
     assert small.stderr.count("\n") == 1
     assert "0.1 m by 0.07 m" in small.stderr and "--scale 100" in small.stderr
@@ -86,9 +85,8 @@ def test_a_drawing_on_paper_is_warned_of_and_enlarged(tmp_path):
     assert "10,000 m by 7,000 m" in huge.stderr and "--scale 100 " in huge.stderr
 
 
-def test_the_chosen_side_of_the_walls_is_reported(tmp_path):
-    plan = tmp_path / "plan.svg"
-    plan.write_text(DRAWING)
+def test_the_chosen_side_of_the_walls_is_reported(written, tmp_path):
+    plan = written("plan.svg", DRAWING)
     arguments = ["run", plan, "--scale", 100, "--no-video", "--scans", 2, "--out", tmp_path / "out"]
     done = lrf3d(*arguments, "--json")
     said = "_plan: the route is planned inside the walls; --outside plans it outside\n"
@@ -99,11 +97,11 @@ def test_the_chosen_side_of_the_walls_is_reported(tmp_path):
     assert "choose one" in refused("run", "city", "--inside", "--outside")
 
 
-def test_scale_enlarges_the_way_through_a_world_too(tmp_path):
-    path = tmp_path / "room.toml"
-    path.write_text(
+def test_scale_enlarges_the_way_through_a_world_too(written):
+    path = written(
+        "room.toml",
         "[[object]]\npoints = [[0, 0], [4, 0], [4, 4]]\n[robot]\nstart = [1, 3, 90]\n"
-        "route = [[1, 3], [2, 3]]\n[[obstacle]]\nroute = [[0, 3], [1, 3]]\n"
+        "route = [[1, 3], [2, 3]]\n[[obstacle]]\nroute = [[0, 3], [1, 3]]\n",
     )
     scenario = scenario_of(read_scenario_file(path).scaled(2.0))
     assert tuple(scenario.start) == (2.0, 6.0, np.pi / 2)
@@ -127,9 +125,8 @@ def test_trees_are_shown_as_they_are_converted(tmp_path):
     assert refused("world", "show", tmp_path / "a.toml", "--trees")
 
 
-def test_a_drawing_is_read_once_to_be_shown(tmp_path, monkeypatch):
-    path = tmp_path / "a.svg"
-    path.write_text('<svg width="9m" height="9m"><path d="M0 0h450v450"/></svg>')
+def test_a_drawing_is_read_once_to_be_shown(written, monkeypatch):
+    path = written("a.svg", '<svg width="9m" height="9m"><path d="M0 0h450v450"/></svg>')
     read, seen = plans.plan_of_file, []
     monkeypatch.setattr(plans, "plan_of_file", lambda *a, **o: seen.append(a) or read(*a, **o))
     scenario, shown = inputs.read_shown(Namespace(command="world show", world=str(path)))

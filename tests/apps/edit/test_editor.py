@@ -193,15 +193,12 @@ def test_decisions_about_a_world_keep_its_objects_and_are_saved_next_to_it(tmp_p
     assert load_world(path).materials == () and read_edits(editor.journal).source == "w.toml"
 
 
-def test_a_packed_picture_has_its_sheet_and_a_damaged_document_is_one_line(tmp_path):
+def test_a_packed_picture_has_its_sheet_and_a_damaged_document_is_one_line(written, tmp_path):
     cells = np.full((60, 80), 255, np.uint8)
     cells[5:55, [5, 74]] = cells[[5, 54], 5:75] = 0
     Image.fromarray(cells).save(tmp_path / "a.png")
-    packed = tmp_path / "b.png.gz"
-    packed.write_bytes(gzip.compress((tmp_path / "a.png").read_bytes()))
-    editor = Editor(packed)
+    editor = Editor(written("b.png.gz", gzip.compress((tmp_path / "a.png").read_bytes())))
     assert editor.sheet.size == (80.0, 60.0) and editor.plan.unit == pytest.approx(12.0 / 80.0)
-    damaged = tmp_path / "c.pdf"
-    damaged.write_bytes(b"%PDF-1.4 nothing")
+    damaged = written("c.pdf", b"%PDF-1.4 nothing")
     with pytest.raises(InputError, match=r"c\.pdf: damaged"):
         Editor(damaged)

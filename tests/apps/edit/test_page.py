@@ -113,9 +113,8 @@ def test_what_is_named_under_the_mouse_is_what_is_selected_and_erased(tmp_path, 
 
 
 @needs_browser
-def test_a_drawing_is_scaled_and_what_was_misunderstood_is_corrected(tmp_path, chromium):
-    path = tmp_path / "room.svg"
-    path.write_text(DRAWING)
+def test_a_drawing_is_scaled_and_what_was_misunderstood_is_corrected(written, tmp_path, chromium):
+    path = written("room.svg", DRAWING)
     journal = tmp_path / "room.svg.edit.toml"
     with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
         page.keyboard.press("s")

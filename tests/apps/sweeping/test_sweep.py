@@ -47,9 +47,8 @@ class OneWall:
 
 
 @pytest.fixture
-def room(tmp_path):
-    path = tmp_path / "box.toml"
-    path.write_text(ROOM)
+def room(written):
+    path = written("box.toml", ROOM)
     return str(path)
 
 
@@ -165,10 +164,9 @@ def test_a_row_whose_measures_cannot_be_is_refused(name, value, room, tmp_path):
         run_plan(plan, tmp_path, None, resume=True)
 
 
-def test_no_name_is_a_command_in_a_table_or_leads_out_of_the_folder(room, tmp_path):
+def test_no_name_is_a_command_in_a_table_or_leads_out_of_the_folder(room, written, tmp_path):
     for number, name in enumerate(["=1+1\\\\input{x}$^&_#%~", "[2cm]*", "../../-x\\n\\n@y"]):
-        path = tmp_path / f"{number}.toml"
-        path.write_text(f'name = "{name}"\n{ROOM}')
+        path = written(f"{number}.toml", f'name = "{name}"\n{ROOM}')
         result = run_plan(tiny(str(path), seeds=1), tmp_path / str(number), None)
         result.to_latex(tmp_path / "a.tex")
         result.to_csv(tmp_path / "a.csv")

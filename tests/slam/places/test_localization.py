@@ -7,19 +7,19 @@ from hypothesis import strategies as st
 from program import told
 from synthetic_run import box, make_run, make_world
 
-from lrf3d.base.errors import InputError
-from lrf3d.geometry.pose import Pose
-from lrf3d.laser import LaserRangeFinder, RangeNoise
-from lrf3d.slam.places import (
+from lrf3d import (
+    InputError,
     Localiser,
     OdometryNoise,
+    Pose,
     PoseEstimate,
+    World,
     localise,
     odometry_increments,
 )
+from lrf3d.laser import LaserRangeFinder, RangeNoise
 from lrf3d.slam.places.monte_carlo import FilterSettings, score_localisation
 from lrf3d.slam.places.pairing import Innovation, KnownLines
-from lrf3d.world import World
 
 ODOMETRY = OdometryNoise()
 NOISE = RangeNoise.from_sigma(0.04, 0.001, 80.0)
@@ -191,11 +191,11 @@ def test_a_drive_needs_a_step_between_any_two_scans_and_a_score_a_seed_and_a_map
             score_localisation(run, usual, **wrong)
 
 
-def test_localise_prints_one_json_object(tmp_path):
-    path = tmp_path / "yard.toml"
-    path.write_text(
+def test_localise_prints_one_json_object(written):
+    path = written(
+        "yard.toml",
         '[[object]]\nname = "walls"\npoints = [[0, 0], [10, 0], [10, 8], [0, 8]]\nclosed = true\n'
-        "[robot]\nroute = [[2, 2], [8, 2]]\nspeed = 2.0\nscan_interval = 0.5\n"
+        "[robot]\nroute = [[2, 2], [8, 2]]\nspeed = 2.0\nscan_interval = 0.5\n",
     )
     report = told("localise", path, "--seeds", "2", "--workers", "1", "--known", "map")
     assert report["seeds"] == 2 and report["known"] == "map"

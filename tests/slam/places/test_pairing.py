@@ -4,13 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_run import box, make_run, make_world
 
-from lrf3d.base.errors import InputError
+from lrf3d import InputError, LineMap, Pose, World
 from lrf3d.geometry.lines import normal_lines, wrap_angle
-from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserRangeFinder, RangeNoise
-from lrf3d.mapping import LineMap
 from lrf3d.slam.places.pairing import KnownLines, LocalLines, innovation, pair_lines
-from lrf3d.world import World
 
 PRIOR = np.diag([0.1**2, 0.1**2, np.radians(2.0) ** 2])
 NONE = np.empty(0, int)

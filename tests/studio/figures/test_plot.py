@@ -16,7 +16,6 @@ from PIL import Image
 from synthetic_run import around, make_run, street
 
 import lrf3d
-from lrf3d.base.errors import MissingLibraryError
 
 
 @pytest.fixture(scope="module")
@@ -105,5 +104,5 @@ def test_a_notebook_plays_the_film_of_a_run_in_its_page(run, monkeypatch):
     with av.open(BytesIO(b64decode(shown.split("base64,")[1].split('"')[0]))) as film:
         assert next(film.decode(video=0)).width == 64
     monkeypatch.setitem(sys.modules, "IPython.display", None)
-    with pytest.raises(MissingLibraryError, match=r"run\.video\(\) .*pip install ipython"):
+    with pytest.raises(lrf3d.MissingLibraryError, match=r"run\.video\(\) .*pip install ipython"):
         run.video()

@@ -31,9 +31,8 @@ from lrf3d.studio.scene.timeline import Timeline
 
 
 @pytest.fixture
-def yard(tmp_path):
-    path = tmp_path / "yard.toml"
-    path.write_text(YARD)
+def yard(written):
+    path = written("yard.toml", YARD)
     return path
 
 

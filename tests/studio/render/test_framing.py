@@ -103,7 +103,11 @@ def test_the_wall_that_most_maps_miss_is_named_with_how_far_its_hits_scatter():
     assert not len(missed_most(runs[:1]))
     scenes = {str(number): Scene(Timeline(each), None, None) for number, each in enumerate(runs)}
     for size, wide in (((640, 200), 213), ((200, 640), 200)):
-        assert Comparison(scenes, size, "")._cell[0] == wide
+        compared = Comparison(scenes, size, "")
+        assert compared._cell[0] == wide
+        assert len({tuple(each.letters) for each in compared.maps}) == 1
+    worst = "2: 10 of 12 walls found; missed: 92 cm, 1.4 m"
+    assert compared.card()[::3] == ("Short walls are lost in noise first", worst)
 
 
 def test_at_the_end_the_picture_is_all_there_is_and_missed_walls_are_red_in_it():

@@ -73,9 +73,8 @@ def film_by(worker, path, monkeypatch):
     video.render_video(room_run(), path, **small)
 
 
-def test_a_failing_worker_leaves_no_file(tmp_path, monkeypatch):
-    path = tmp_path / "run.mp4"
-    path.write_bytes(b"before")
+def test_a_failing_worker_leaves_no_file(written, tmp_path, monkeypatch):
+    path = written("run.mp4", b"before")
     with pytest.raises(RuntimeError, match="drawing the film failed with status 3"):
         film_by("exit 3", path, monkeypatch)
     assert path.read_bytes() == b"before"

@@ -9,12 +9,12 @@ from test_render import room_run
 import lrf3d
 from lrf3d.geometry.pose import compose
 from lrf3d.studio.scene.camera import Look
-from lrf3d.studio.scene.drift import Drift
+from lrf3d.studio.scene.drift import Astray, Drift
 from lrf3d.studio.scene.glass import Panes, at_glass, bounced, some_beams, telling_beams
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import subject_of
-from lrf3d.studio.scene.timeline import Timeline
+from lrf3d.studio.scene.timeline import Timeline, interpolated
 
 
 def said(run, shot="chase", *, time=1.0):
@@ -24,37 +24,34 @@ def said(run, shot="chase", *, time=1.0):
 
 
 def drifting(closures):
-    """A run whose odometry has another frame, and drifts by 0.1 m a scan to one side."""
-    run = room_run()
-    poses = run.trajectory.poses
+    """A run round a square, whose odometry has another frame and is off by 0.1 m a scan."""
+    corners = np.array([[1.0, 1.0], [3.0, 1.0], [3.0, 3.0], [1.0, 3.0], [1.0, 1.2], [1.0, 1.1]])
+    poses = np.insert(interpolated(np.arange(0.0, 5.1, 0.5), np.arange(6), corners), 2, 0.0, axis=1)
+    room = lrf3d.load_world("paper_room")
+    run = lrf3d.simulate(room, lrf3d.Trajectory(np.arange(len(poses)), poses), rng=0)
     slipped = poses + np.arange(len(run))[:, None] * [0.0, 0.1, 0.0]
     odometry = compose(np.array([3.0, -1.0, 0.5]), slipped)
-    return replace(
-        run,
-        estimate=lrf3d.EstimatedTrajectory(poses, closures=np.array(closures), odometry=odometry),
-    )
+    estimate = lrf3d.EstimatedTrajectory(poses, closures=np.array(closures), odometry=odometry)
+    return replace(run, estimate=estimate)
 
 
-def test_the_ghost_drifts_until_a_loop_closes_and_begins_again_at_the_robot():
-    run = drifting([(0, 6)])
-    drift = Drift.of(run, np.zeros(2), 1.0)
-    times = run.trajectory.times - run.trajectory.times[0]
-    assert drift.removed.tolist() == pytest.approx([0.6]) and drift.times == times[[6]]
-    assert drift.off(times[6] - 1e-9) == pytest.approx(0.6, abs=1e-6)
-    assert drift.off(times[6] + 1e-6) == pytest.approx(0.0, abs=1e-3)
-    assert drift.total == pytest.approx(0.1 * (len(run) - 1))
-    # The line from odometry to the estimate appears as the loop closes.
-    assert not len(drift.closings(times[5], 1.0).starts)
-    assert len(drift.closings(times[6], 1.0).starts) == 1
+def test_odometry_alone_drifts_round_a_loop_and_what_was_hit_comes_back_in_the_end():
+    run = drifting([(0, 2), (8, 0)])
+    drift = Drift.of(run, np.zeros(2))
+    assert drift.loop == (0, 8) and drift.off(8.0) == pytest.approx(0.8)
     subject = subject_of(run, 1.0)
-    assert subject.title.startswith("Odometry") and subject.moment == run.trajectory.times[6]
-    assert said(run, time=times[6] + 0.1)[0] == "A loop closes: 60 cm of drift removed"
-    alone = "━ Odometry alone ends 1.1 m off"
-    assert said(run, "end")[0] == alone
-    # What hardly moves the estimate is no closing loop.
-    calm = drifting([(0, 3)])
-    assert said(calm, time=times[3] + 0.1)[0] == "A known place again: 30 cm corrected"
-    assert subject_of(calm, 1.0).moment is None and alone in said(calm, "end")[1:]
+    assert (subject.since, subject.moment) == (0.0, 8.0)
+    assert subject.after == "Back after 7.8 m: odometry is 80 cm off"
+    assert said(run, "end")[1] == "━ Odometry alone ends 1.0 m off"
+    hits = [scan.points() for scan in run.scans]
+    moved = np.repeat(0.1 * np.arange(len(run)), [len(each) for each in hits])
+    x, y, _ = Astray(run, drift).points(len(run), 0.25, 1.0).places.T
+    back = np.column_stack([x, y - 0.75 * moved])
+    assert back == pytest.approx(np.concatenate(hits), abs=1e-4)
+    # Neither there and back is a loop, nor one that odometry alone closes, too.
+    assert Drift.of(drifting([(0, 2)]), np.zeros(2)).loop is None
+    calm = replace(run, estimate=replace(run.estimate, odometry=run.estimate.poses))
+    assert subject_of(calm, 1.0).moment is None
 
 
 def test_beams_go_through_glass_or_come_back_from_it_and_panes_are_seen_at_a_slant():

@@ -8,11 +8,9 @@ from estimates import estimated
 from PIL import Image
 from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 
-from lrf3d.laser import LaserScan
-from lrf3d.mapping import LineMap
+from lrf3d import LaserScan, LineMap, World
 from lrf3d.studio.scene.stage.exposure import LiveExposure, expose, unexposed
 from lrf3d.studio.scene.stage.structures import Structures
-from lrf3d.world import World
 
 HALF = np.array([60.0, 60.0])
 

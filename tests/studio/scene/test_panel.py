@@ -7,8 +7,7 @@ import pytest
 from test_estimate import estimated
 from test_render import SIZE, city_run, room_run
 
-from lrf3d.base.errors import InputError
-from lrf3d.mapping import LineMap
+from lrf3d import InputError, LineMap
 from lrf3d.scoring.map_score import found_words, score_run
 from lrf3d.studio.render import beside
 from lrf3d.studio.render.beside import MapBeside

@@ -7,8 +7,7 @@ import pytest
 from synthetic_run import box, make_run, make_world
 from test_render import room_run
 
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.robot import Trajectory
+from lrf3d import LaserRangeFinder, Trajectory
 from lrf3d.studio.scene.marks import trail_lines
 from lrf3d.studio.scene.timeline import DriveKeys, Timeline, scan_times
 from lrf3d.world.cameras import FilmPlan

@@ -21,10 +21,11 @@ import numpy as np
 from lrf3d.base.balance import Balance
 from lrf3d.base.errors import InputError, one_line
 from lrf3d.base.text import counted
+from lrf3d.base.units import NANO, TIMES
 from lrf3d.geometry.lines import LARGEST_COORDINATE, ROUNDING, Bool, Float, Int, Records, wrap_angle
 from lrf3d.laser import LaserScan
 from lrf3d.messages.clouds import OPTICAL_AXES, POINT_FIELDS
-from lrf3d.recordings.formats.units import NANO, TIMES
+from lrf3d.recordings.log import FINEST
 
 # Names that drivers give to the number of a point's layer and to its time.
 RINGS = ("ring", "channel", "laser_id", "line")
@@ -58,9 +59,6 @@ ENOUGH = 30
 # [rad] The step of bearings where it is unknown, and the finest one.
 USUAL_STEP = float(np.radians(0.5))
 FINEST_STEP = float(np.radians(0.05))
-
-# Spans of less [rad] between bearings are rounding, or several returns of one pulse.
-SAME = 1e-4
 
 
 class CloudPoints(NamedTuple):
@@ -313,7 +311,8 @@ class CloudScans:
 def step_of(bearings: Float) -> float:
     """The usual step [rad] between the ascending bearings (n,) of one ring."""
     gaps = np.diff(bearings)
-    gaps = gaps[gaps > SAME]
+    # Smaller ones are rounding, or several returns of one pulse.
+    gaps = gaps[gaps > FINEST]
     return max(float(np.median(gaps)), FINEST_STEP) if len(gaps) >= ENOUGH else USUAL_STEP
 
 

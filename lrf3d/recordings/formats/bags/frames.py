@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from lrf3d.base.errors import InputError
+from lrf3d.base.units import NANO
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Bool, Float, Int
-from lrf3d.recordings.formats.units import NANO
 
 # A stamp earlier than the one before it by more than this [ns] begins another part of a recording:
 # messages that overtake each other differ by less.

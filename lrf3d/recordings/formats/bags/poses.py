@@ -8,12 +8,12 @@ from os.path import basename, commonpath, dirname
 import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
+from lrf3d.base.units import NANO
 from lrf3d.geometry.lines import usual_step
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
 from lrf3d.recordings.formats.bags.contents import DRIFTING, Contents, ScanStream, edges_of
 from lrf3d.recordings.formats.bags.frames import BACK, BagPart, Frames, FrameTrack, in_the_plane
-from lrf3d.recordings.formats.units import NANO
 from lrf3d.recordings.log import COARSE, LaserLog
 
 # Parts that a recording may have; where stamps go back more often, they are useless.

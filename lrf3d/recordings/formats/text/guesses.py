@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
-from lrf3d.geometry.lines import Float
+from lrf3d.geometry.lines import ROUNDING, Float
 from lrf3d.recordings.formats.table import CUT, WHOLE, meaning
 from lrf3d.recordings.formats.text.dialects import Words
 from lrf3d.recordings.formats.text.fans import FANS, LEAST_ALIKE
@@ -65,7 +65,7 @@ OTHER_SCALE = 5.0
 LARGEST_QUALITY = 255
 
 # Largest heading [°] in a line without names: two turns.
-LARGEST_HEADING = 720.0
+LARGEST_HEADING = 2.0 * TURNS[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -407,7 +407,7 @@ def _counts_up(form: Form, place: int) -> bool:
     steps = np.diff(table, axis=0)
     rising = (steps >= 0.0).all(axis=0) & (steps > 0.0).any(axis=0)
     usual = np.median(table)
-    apart = np.abs(np.log(np.maximum(np.abs(table[-1]), 1e-9) / max(usual, 1e-9)))
+    apart = np.abs(np.log(np.maximum(np.abs(table[-1]), ROUNDING) / max(usual, ROUNDING)))
     return len(rows) > 2 and bool((rising & (apart > np.log(OTHER_SCALE))).any())
 
 
