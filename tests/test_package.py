@@ -15,6 +15,8 @@ CASTING = (
 @pytest.mark.parametrize(
     ("code", "heavy"),
     [
+        # Soon after Python's own start, the program answers Ctrl-C in one line.
+        ("import lrf3d.__main__", "importlib warnings re typing enum"),
         ("import lrf3d", "numba numpy trimesh pyrender matplotlib scipy shapely"),
         ("import lrf3d.apps.cli", "numba numpy trimesh pyrender matplotlib scipy shapely rich"),
         ("import lrf3d; lrf3d.load_scenario('city')", "numba trimesh scipy shapely"),
@@ -24,7 +26,7 @@ CASTING = (
     ],
 )
 def test_what_is_not_needed_is_not_loaded(code, heavy):
-    program = f"import sys\n{code}\nprint(' '.join(sys.modules))"
+    program = f"import sys\nbefore = {{*sys.modules}}\n{code}\nprint(*{{*sys.modules}} - before)"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )

@@ -1,7 +1,5 @@
 """Loading at first use: public names (PEP 562), and pictures of values, which rooms above draw."""
 
-from importlib import import_module
-
 # Importing it from typing would take as long as all else that ``import lrf3d`` does.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -23,6 +21,9 @@ def loading(
     def get(name: str) -> object:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        # The program must soon reach its own answer to Ctrl-C, so this is not loaded at once.
+        from importlib import import_module
+
         module = import_module(f"{package}.{homes[name] or name}")
         module_globals[name] = value = getattr(module, name) if homes[name] else module
         return value

@@ -20,7 +20,7 @@ from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.fleets import cast_fans
 from lrf3d.casting.kernels.layers import read_layers
 from lrf3d.casting.kernels.raising import raise_fan, raise_obstacles, raise_rays
-from lrf3d.casting.kernels.scans import laser_of, rays_from
+from lrf3d.casting.kernels.scans import PADDING, laser_of, rays_from
 from lrf3d.casting.kernels.skyline import ENTRY
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.geometry.lines import TINY, Bool, Float, Int, Records, sealed
@@ -54,7 +54,6 @@ class Layered(NamedTuple):
 
     plain: Plain
     extent: tuple[float, float, float]
-    range_max: float
 
     @classmethod
     def of(cls, slopes: Float, stretches: Float, sensor: Any) -> "Layered":
@@ -63,7 +62,7 @@ class Layered(NamedTuple):
         limits = float(sensor.range_min), float(sensor.range_max)
         nears, reaches = (limit / stretches for limit in limits)
         extent = float(slopes.min()), float(slopes.max()), float(reaches.max())
-        return cls((slopes, stretches, nears, reaches), extent, limits[1])
+        return cls((slopes, stretches, nears, reaches, limits[1]), extent)
 
 
 class Conditions(NamedTuple):
@@ -98,7 +97,13 @@ class StandingWalls:
         self._lowest = float(world.heights.min(initial=np.inf))
         self._arrays: dict[str, Any] = {}
         self.room = ROOM_AT_FIRST
-        self._plain = np.zeros(len(world.segments), np.int8), np.zeros((len(world.segments), 4))
+        self._low = self._with(
+            np.zeros(len(world.segments), np.int8), np.zeros((len(world.segments), 4))
+        )
+
+    def _with(self, inner: NDArray[np.int8], corners: Float) -> Plain:
+        """The walls as kernels take them, with outlines in the order of the tree."""
+        return self._tree[:], self._heights, inner, corners, self._highest
 
     @cached_property
     def _solids(self) -> "tuple[Solids, shapely.STRtree]":
@@ -107,37 +112,33 @@ class StandingWalls:
 
     def standing(self, pose: Float, z: float) -> Plain:
         """The walls as kernels take them, a `Standing`, for a sensor at a pose and a height."""
-        return self._outside_of(self._around(pose[None], z)[0], z)
+        return self._outside_of(self._around(pose[None])[0]) if self._lowest < z else self._low
 
     def standings(self, poses: Float, z: float) -> Iterator[tuple[Int, Plain]]:
         """The walls for sensors at poses (k, 3), and the numbers of the poses that share them."""
-        around = self._around(poses, z)
-        if around and not self._lowest < z:
-            yield np.arange(len(poses)), self._outside_of(around[0], z)
+        if not self._lowest < z:
+            if len(poses):
+                yield np.arange(len(poses)), self._low
             return
+        around = self._around(poses)
         groups: dict[bytes, list[int]] = {}
         for number, areas in enumerate(around):
             groups.setdefault(areas.tobytes(), []).append(number)
         for numbers in groups.values():
-            yield np.array(numbers), self._outside_of(around[numbers[0]], z)
+            yield np.array(numbers), self._outside_of(around[numbers[0]])
 
-    def _around(self, poses: Float, z: float) -> list[Int]:
-        """The outlines around each of the poses (k, 3) whose tops a sensor at a height may see."""
-        if not self._lowest < z:
-            return [np.empty(0, np.int64)] * len(poses)
+    def _around(self, poses: Float) -> list[Int]:
+        """The outlines around each of the poses (k, 3)."""
         place, area = self._solids[1].query(shapely.points(poses[:, :2]), predicate="within")
         return [area[place == number] for number in range(len(poses))]
 
-    def _outside_of(self, around: Int, z: float) -> Plain:
-        """The walls for a sensor at a height within some outlines."""
-        inner, corners = self._plain
-        if self._lowest < z:
-            found, _ = self._solids
-            # An outline around the sensor is the wall of a yard, and has no top.
-            rows = self._tree.rows
-            inner = np.where(np.isin(found.area, around), 0, found.inner).astype(np.int8)[rows]
-            corners = found.corners[rows]
-        return self._tree[:], self._heights, inner, corners, self._highest
+    def _outside_of(self, around: Int) -> Plain:
+        """The walls for a sensor within some outlines that may see tops of others."""
+        found, _ = self._solids
+        # An outline around the sensor is the wall of a yard, and has no top.
+        rows = self._tree.rows
+        inner = np.where(np.isin(found.area, around), 0, found.inner).astype(np.int8)
+        return self._with(inner[rows], found.corners[rows])
 
     def skies(self, columns: int) -> Plain:
         """Empty skylines of columns."""
@@ -239,18 +240,25 @@ def cast_lidar(
     """Ranges and walls (layers, columns) of a lidar at a pose (3,), at rest or moving."""
     moved = moment.motion is not None and bool(np.any(moment.motion))
     motion = moment.motion if moved else None
-    times = moment.time + lidar.planar.delays
     if not lidar.is_level:
-        return _cast_tilted(walls, lidar, pose, times, motion, moment.obstacles)
+        return _cast_tilted(
+            walls, lidar, pose, moment.time + lidar.planar.delays, motion, moment.obstacles
+        )
     z = lidar.mount[2]
     standing = walls.standing(pose, z)
     layers, back, fan = _layers_of(lidar)
-    rays = walls.reused("rays", (lidar.columns,), RAY)
-    rays["time"] = times
-    if motion is not None:
-        rays_from(fan[0], swept(lidar, pose, motion), times, rays[None])
-    along = (fan, pose) if motion is None else None
-    ranges, hits = _columns(walls, standing, rays, z, layers, along, moment.obstacles)
+    if motion is None and not moment.obstacles:
+        shape = lidar.columns, len(lidar.slopes)
+        ranges = walls.reused("ranges", shape, np.float64)
+        hits = walls.reused("hits", shape, np.int32)
+        _cast_fans(walls, standing, lidar, pose[None], ranges[None], hits)
+    else:
+        times = moment.time + lidar.planar.delays
+        rays = np.empty(lidar.columns, RAY)
+        if motion is not None:
+            rays_from(fan[0], swept(lidar, pose, motion), times, rays[None])
+        along = (fan, pose, times) if motion is None else None
+        ranges, hits = _columns(walls, standing, rays, z, layers, along, moment.obstacles)
     return (ranges.T, hits.T) if back is None else (ranges.T[back], hits.T[back])
 
 
@@ -264,9 +272,9 @@ def _cast_tilted(
     shape = len(lidar.slopes), lidar.columns
     if motion is None:
         layers, order, fan = _sorted_beams(lidar)
-        rays = walls.reused("rays", (len(order),), RAY)
-        rays["time"] = times[order % lidar.columns]
-        found = _columns(walls, standing, rays, z, layers, (fan, pose), crowd)
+        along = fan, pose, times[order % lidar.columns]
+        rays = np.empty(len(order), RAY)
+        found = _columns(walls, standing, rays, z, layers, along, crowd)
         ranges, hits = (np.empty(len(order), each.dtype) for each in found)
         ranges[order], hits[order] = (each.ravel() for each in found)
         return ranges.reshape(shape), hits.reshape(shape)
@@ -288,28 +296,33 @@ def cast_lidars(walls: StandingWalls, lidar: Lidar, poses: Float) -> Iterator[tu
 
     They come in parts that fit into the cache.
     """
-    layers, order, fan = _layers_of(lidar)
-    z = lidar.mount[2]
-    sensor = fan, (z, *layers.extent), layers.plain, layers.range_max
-    rays = np.zeros(lidar.columns, RAY)
+    order = _layers_of(lidar)[1]
     shape = lidar.columns, len(lidar.slopes)
     many = max(1, AT_ONCE // (shape[0] * shape[1]))
     hits = np.empty(shape, np.int32)
     ranges = np.empty((many, *shape))
-    for numbers, standing in walls.standings(poses, z):
+    for numbers, standing in walls.standings(poses, lidar.mount[2]):
         for part in (numbers[k : k + many] for k in range(0, len(numbers), many)):
-            done = 0
-            while done < len(part):
-                skies = walls.skies(lidar.columns)
-                rest = poses[part[done:]]
-                fitting = cast_fans(standing, sensor, rest, rays, skies, ranges[done:], hits)
-                done += fitting
-                if done < len(part):
-                    walls.room *= 2
-                else:
-                    walls.keep(skies)
+            _cast_fans(walls, standing, lidar, poses[part], ranges, hits)
             found = ranges[: len(part)] if order is None else ranges[: len(part), :, order]
             yield part, found.transpose(0, 2, 1)
+
+
+def _cast_fans(
+    walls: StandingWalls, standing: Plain, lidar: Lidar, poses: Float, ranges: Float, hits: Rows
+) -> None:
+    """Fill ranges (k, columns, layers) of a level lidar, and the hits of the last of k poses."""
+    layers, _, fan = _layers_of(lidar)
+    sensor = fan, (lidar.mount[2], *layers.extent), layers.plain
+    directions = walls.reused("directions", (2, lidar.columns + PADDING), np.float64)
+    done = 0
+    while done < len(poses):
+        skies = walls.skies(lidar.columns)
+        done += cast_fans(standing, sensor, poses[done:], directions, skies, ranges[done:], hits)
+        if done < len(poses):
+            walls.room *= 2
+        else:
+            walls.keep(skies)
 
 
 def swept(lidar: Lidar, pose: Float, motion: Float) -> Float:
@@ -382,20 +395,27 @@ def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float =
 
 def _columns(
     walls: StandingWalls, standing: Plain, rays: Records, z: float, layers: Layered,
-    fan: tuple[Plain, Float] | None = None, crowd: Crowd | None = None,
+    fan: tuple[Plain, Float, Float] | None = None, crowd: Crowd | None = None,
 ) -> tuple[Float, Rows]:  # fmt: skip
-    """Ranges and walls (columns, layers) along rays (columns,), or along a fan at a pose."""
+    """Ranges and walls (columns, layers) along rays (columns,), or along a fan at a pose.
+
+    A fan has the times of its beams, and only the number of the rays counts.
+    """
     slopes = layers.plain[0]
     eye = z, *layers.extent
+    limits = slopes[:, [0, -1]]
     count = len(rays)
+    directions = walls.reused("directions", (2, count + PADDING), np.float64)
     while True:
         skies = walls.skies(count)
         if fan is not None:
-            fits = raise_fan(standing, *fan, rays, eye, skies)
+            fits = raise_fan(standing, *fan[:2], directions, eye, skies)
         else:
-            fits = raise_rays(standing, rays, eye, slopes[:, [0, -1]], skies)
-        if crowd is not None and len(crowd):
-            limits = slopes[:, [0, -1]]
+            fits = raise_rays(standing, rays, eye, limits, skies)
+            directions[:, :count] = rays["dx"], rays["dy"]
+        if crowd:
+            if fan is not None:
+                rays = records(RAY, *fan[1][:2], *directions[:, :count], fan[2])
             near = crowd.as_seen(rays)
             fits = raise_obstacles(crowd.near, crowd.own, near, eye, limits, skies) and fits
         if fits:
@@ -404,6 +424,7 @@ def _columns(
     shape = (count, slopes.shape[1])
     ranges = walls.reused("ranges", shape, np.float64)
     hits = walls.reused("hits", shape, np.int32)
-    read_layers(rays, z, layers.plain, layers.range_max, skies, ranges, hits)
+    places = np.column_stack([rays["x"], rays["y"]]) if fan is None else fan[1][None]
+    read_layers(places, directions, z, layers.plain, skies, ranges, hits)
     walls.keep(skies)
     return ranges, hits

@@ -44,8 +44,8 @@ def cells_of(scans, floor=1e-4, cells=None):
         beams = Beams.of(scan, float(scan.pose.theta), RangeNoise(floor, 0.0))
         place, walls = (float(scan.pose.x), float(scan.pose.y)), Walls.of_size(LEAST)
         while not open_squares(cells, place, beams):
-            cells = cells.doubled()
+            cells = cells.enlarged()
         done, unowned = 0, np.empty(len(beams.ranges), np.int64)
         while (done := add_beams(cells, done, place, beams, walls, unowned)) < len(unowned):
-            cells = cells.doubled()
+            cells = cells.enlarged()
     return cells

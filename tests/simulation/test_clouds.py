@@ -110,7 +110,7 @@ def test_clouds_are_written_for_other_programs(scene: Any, tmp_path: Path, to: s
         end = b"DATA binary\n" if to == "pcd" else b"end_header\n"
         head, _, body = data.partition(end)
         assert f" {sum(counts)} ".encode() in head
-        rows = np.frombuffer(body, "<f4,<f4,<f4,<f4,<u2,<f4")
+        rows = np.frombuffer(body, f"<f4,<f4,<f4,<f4,{'<i4' if to == 'ply' else '<u2'},<f4")
         found = np.column_stack([rows[f"f{k}"] for k in range(3)])
     np.testing.assert_allclose(found, world, atol=1e-4 if to != "las" else 1e-3)
 

@@ -4,6 +4,7 @@ Only modules that load quickly are imported here, so that signals are handled be
 is loaded.
 """
 
+import gc
 import os
 import sys
 
@@ -63,6 +64,8 @@ def _run(program: "Callable[[list[str]], int | None] | None") -> int:
     from lrf3d.apps.cli.console import print_text, quiet_libraries
 
     quiet_libraries()
+    # Garbage in cycles is rare: looking for it this often takes a fiftieth of a command.
+    gc.set_threshold(20_000)
     from lrf3d.apps.cli.parser import run_command
 
     try:

@@ -7,7 +7,7 @@ from lrf3d.casting.kernels.layers import read_layers
 from lrf3d.casting.kernels.raising import raise_fan
 from lrf3d.casting.kernels.tree import Plain
 from lrf3d.compiling import compiled
-from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int
 
 # Odd multipliers of the hash of counters (splitmix64, Steele et al. 2014).
 STRIDE = np.uint64(0x9E3779B97F4A7C15)
@@ -21,19 +21,19 @@ CHOICES = np.uint64(0xFFFF)
 
 @compiled
 def cast_fans(
-    plain: Plain, sensor: Plain, poses: Float, rays: Records, skies: Plain, ranges: Float,
+    plain: Plain, sensor: Plain, poses: Float, directions: Float, skies: Plain, ranges: Float,
     hits: NDArray[np.int32],
 ) -> int:  # fmt: skip
     """Fill ranges (k, azimuths, layers) from poses (k, 3), and the hits of the last pose.
 
-    The sensor is its beams as of `raise_fan`, its eye, its layers and its range_max. Returns the
-    number of poses for which the skylines had room.
+    The sensor is its beams as of `raise_fan`, its eye and its layers. Returns the number of poses
+    for which the skylines had room.
     """
-    beams, eye, layers, range_max = sensor
+    beams, eye, layers = sensor
     for k in range(len(poses)):
-        if not raise_fan(plain, beams, poses[k], rays, eye, skies):
+        if not raise_fan(plain, beams, poses[k], directions, eye, skies):
             return k
-        read_layers(rays, eye[0], layers, range_max, skies, ranges[k], hits)
+        read_layers(poses[k : k + 1], directions, eye[0], layers, skies, ranges[k], hits)
     return len(poses)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.beams import (
-    beam_of,
+    counted,
     length_of,
     within,
 )
@@ -43,16 +43,18 @@ class Layers(NamedTuple):
     lengths: Float  # (layers,) how long a beam is at t = 1: its range is t times this.
     nears: Float  # (layers,) the least t that is measured [m],
     reaches: Float  # (layers,) and the largest.
+    range_max: float  # [m]
 
 
 @compiled
 def read_layers(
-    rays: Records, z: float, plain_layers: Plain, range_max: float, plain_skies: Plain,
+    places: Float, directions: Float, z: float, plain_layers: Plain, plain_skies: Plain,
     ranges: Float, hits: NDArray[np.int32],
 ) -> None:  # fmt: skip
-    """Fill ranges and walls (azimuths, layers) from the skylines of rays, over a floor at z = 0.
+    """Fill ranges and walls (azimuths, layers) from skylines, over a floor at z = 0.
 
-    The skylines are empty afterwards.
+    The places x, y [m] of azimuths (k, 2 or 3) are those of all if k = 1. Their directions
+    (2, azimuths) are followed by PADDING numbers of any value. The skylines are empty afterwards.
     """
     skies = Skylines(*plain_skies)
     layers = Layers(*plain_layers)
@@ -68,15 +70,15 @@ def read_layers(
     for r in range(many):
         near = max(near, layers.nears[r] * ROOM)
         far = min(far, layers.reaches[r] / ROOM)
-    firsts = _first_lengths(rays, skies)
-    for i in range(len(rays)):
-        beam = beam_of(rays, i)
+    firsts = _first_lengths(places, directions, skies)
+    for i in range(columns):
+        beam = _beam_of(places, directions, i)
         own = min(i, len(slopes) - 1)
         if i < len(slopes):
             for r in range(many):
                 slope = slopes[i, r]
                 floor[0, r] = -z / slope if slope < 0.0 else np.inf
-                ground[r] = _limited(floor[0, r], r, layers, range_max)
+                ground[r] = _limited(floor[0, r], r, layers)
         count = skies.counts[i]
         mixed = skies.mixed[i] != 0
         skies.covered[i] = 0.0
@@ -86,7 +88,7 @@ def read_layers(
                 ranges[i, r], hits[i, r] = _among_overlapping(
                     entries[i::columns][:count],
                     beam,
-                    (z, slopes[own, r], r, range_max),
+                    (z, slopes[own, r], r),
                     layers,
                     ground[r],
                 )
@@ -108,7 +110,7 @@ def read_layers(
             if entry.exits == EXITS:
                 for r in range(first, stop):
                     t = (entry.height - z) / slopes[own, r]
-                    ranges[i, r] = _limited(t, r, layers, range_max)
+                    ranges[i, r] = _limited(t, r, layers)
                     hits[i, r] = max(entry.row, -1) if math.isfinite(ranges[i, r]) else -1
                 first = stop
                 continue
@@ -125,44 +127,47 @@ def read_layers(
                 _measure(t, max(entry.row, -1), layers.lengths, i, (begin, stop), ranges, hits)
             else:
                 for r in range(begin, stop):
-                    ranges[i, r] = _within(t, r, beam, wall, layers, range_max)
+                    ranges[i, r] = _within(t, r, beam, wall, layers)
                     hits[i, r] = max(entry.row, -1) if math.isfinite(ranges[i, r]) else -1
             first = stop
         _stand(ground, i, (first, many), ranges, hits)
 
 
 @inner
-def _first_lengths(rays: Records, skies: Skylines) -> Float:
+def _first_lengths(places: Float, directions: Float, skies: Skylines) -> Float:
     """The t (azimuths,) of the first entries, NaN where float64 falls short.
 
     Neighbouring azimuths from one place at one wall share its area, and the loop over them is
     vectorised.
     """
     entries = skies.entries
-    columns = len(rays)
-    dx = np.empty(columns + PADDING)
-    dy = np.empty(columns + PADDING)
+    columns = len(skies.counts)
     found = np.empty(columns + PADDING)
-    for i in range(columns):
-        dx[i] = rays[i].dx
-        dy[i] = rays[i].dy
     stop = 0
     while stop < columns:
         start = stop
         stop += 1
-        x = rays[start].x
-        y = rays[start].y
+        beam = _beam_of(places, directions, start)
         # Azimuths without entries have any t, which nobody reads.
         wall = wall_of(entries[start])
         while (
             stop < columns
             and wall_of(entries[stop]) == wall
-            and rays[stop].x == x
-            and rays[stop].y == y
-        ):
+            and _beam_of(places, directions, stop)[:2] == beam[:2]
+        ):  # fmt: skip
             stop += 1
-        lengths((x, y), dx, dy, wall, (start, stop), found)
+        lengths(beam[:2], directions[0], directions[1], wall, (start, stop), found)
     return found
+
+
+@borrower
+def _beam_of(places: Float, directions: Float, i: int) -> Beam:
+    """The beam of an azimuth, from a place of its own or that of all."""
+    row = min(i, len(places) - 1)
+    return Beam(
+        counted(places[row, 0]), counted(places[row, 1]),
+        counted(directions[0, i]), counted(directions[1, i]),
+    )  # fmt: skip
 
 
 @borrower
@@ -200,27 +205,26 @@ def _measure(
 
 
 @inner
-def _within(t: float, r: int, beam: Beam, wall: Wall, layers: Layers, range_max: float) -> float:
+def _within(t: float, r: int, beam: Beam, wall: Wall, layers: Layers) -> float:
     """The range of a layer at a wall that it hits at t; limits are decided exactly."""
     t = within(t, layers.nears[r], layers.reaches[r], beam, wall)
-    return min(t * layers.lengths[r], range_max) if t < np.inf else np.inf
+    return min(t * layers.lengths[r], layers.range_max) if t < np.inf else np.inf
 
 
 @borrower
-def _limited(t: float, r: int, layers: Layers, range_max: float) -> float:
+def _limited(t: float, r: int, layers: Layers) -> float:
     """The range of a layer at t: +inf above its largest, −inf below its least."""
     if not t <= layers.reaches[r]:
         return np.inf
-    return min(t * layers.lengths[r], range_max) if t >= layers.nears[r] else -np.inf
+    return min(t * layers.lengths[r], layers.range_max) if t >= layers.nears[r] else -np.inf
 
 
 @inner
 def _among_overlapping(
-    row: Records, beam: Beam, place: tuple[float, float, int, float], layers: Layers,
-    ground: float,
+    row: Records, beam: Beam, place: tuple[float, float, int], layers: Layers, ground: float
 ) -> tuple[float, int]:  # fmt: skip
     """The range and the wall of a layer in a skyline with low walls along the beam."""
-    z, slope, r, range_max = place
+    z, slope, r = place
     for j in range(len(row)):
         entry = row[j]
         wall = wall_of(entry)
@@ -240,9 +244,9 @@ def _among_overlapping(
                 top = along.height
                 name = along.row
         if top > -np.inf:
-            found = _limited((top - z) / slope, r, layers, range_max)
+            found = _limited((top - z) / slope, r, layers)
         elif compare_height(slope, z, 0.0, beam, wall) >= 0:
-            found = _within(length_of(beam, wall), r, beam, wall, layers, range_max)
+            found = _within(length_of(beam, wall), r, beam, wall, layers)
         else:
             break
         return found, max(name, -1) if math.isfinite(found) else -1

@@ -7,12 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.beams import (
-    MISSED,
-    OPEN,
     SIFTED,
-    Nearest,
     beam_of,
-    judged,
+    bounds,
     length_of,
     sift,
 )
@@ -48,7 +45,7 @@ from lrf3d.casting.kernels.predicates import (
     side,
     wall_at,
 )
-from lrf3d.casting.kernels.scans import PADDING, Laser, aim
+from lrf3d.casting.kernels.scans import Laser, aim
 from lrf3d.casting.kernels.skyline import (
     AMBIGUOUS,
     BEGINS,
@@ -63,15 +60,18 @@ from lrf3d.casting.kernels.skyline import (
     put,
 )
 from lrf3d.casting.kernels.tree import (
+    LOWEST,
+    ONE,
     ROOM,
     Plain,
     Tree,
     enter,
+    first_lanes,
     new_stack,
     next_leaf,
     way_of,
 )
-from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.compiling import LANES, borrower, compiled, inner
 from lrf3d.geometry.lines import Float, Int, Records
 
 
@@ -107,11 +107,12 @@ class Sectors(NamedTuple):
 
 @compiled
 def raise_fan(
-    plain: Plain, beams_at: Plain, pose: Float, rays: Records, eye: Plain, plain_skies: Plain
+    plain: Plain, beams_at: Plain, pose: Float, directions: Float, eye: Plain, plain_skies: Plain
 ) -> bool:
-    """Insert walls into the skylines of rays from one pose (3,), sorted by sectors; fill the rays.
+    """Insert walls into the skylines of rays from one pose (3,), sorted by sectors.
 
-    The beams are a `Laser` and its `Sectors`. Returns whether the skylines had room for all walls.
+    The beams are a `Laser` and its `Sectors`. Fills the directions (2, rays), which are followed by
+    PADDING numbers of any value. Returns whether the skylines had room for all walls.
     """
     plain_laser, plain_sectors = beams_at
     sectors = Sectors(*plain_sectors)
@@ -121,20 +122,13 @@ def raise_fan(
     skies = Skylines(*plain_skies)
     covered = skies.covered
     beams = len(covered)
-    dx = np.empty(beams + PADDING)
-    dy = np.empty(beams + PADDING)
-    fan = aim(Laser(*plain_laser), pose, dx, dy)
+    fan = aim(Laser(*plain_laser), pose, directions[0], directions[1])
     edge = 1.0 / (sight.reach * ROOM)
     half = sectors.half
     # The bound of a sector is the least one of its rays.
     shade = covered if half == 0.0 else np.full(beams, edge)
     for i in range(beams):
         covered[i] = max(covered[i], edge)
-        ray = rays[i]
-        ray.x = fan.x
-        ray.y = fan.y
-        ray.dx = dx[i]
-        ray.dy = dy[i]
     view = (fan, sectors)
     left = np.empty(beams, np.int64)
     sketch = np.empty(SKETCH)
@@ -278,7 +272,7 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
     sight = Eye(*eye)
     skies = Skylines(*plain_skies)
     stack = new_stack()
-    sifted = np.empty(2 * SIFTED)
+    sifted = np.empty(SIFTED)
     fits = True
     for i in range(len(rays)):
         beam = beam_of(rays, i)
@@ -289,10 +283,11 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
         while top > 0:
             limit = min(limit, ROOM / skies.covered[i]) if skies.covered[i] > 0.0 else limit
             first, stop, top = next_leaf(tree, way, limit, stack, top)
-            sift(tree.columns, first, stop, beam, sifted)
-            for k in range(first, stop):
-                if sifted[k - first] <= limit:
-                    piece = _piece(walls, k)
+            for base in range(first, stop, LANES):
+                met = sift(tree.columns, base, beam, limit, sifted) & first_lanes(stop - base)
+                while met != 0:
+                    piece = _piece(walls, base + int(LOWEST[met]))
+                    met &= met - ONE
                     fits = _raise_exactly(piece, i, beam, own, walls.highest, skies) and fits
     return fits
 
@@ -383,12 +378,12 @@ def _raise_exactly(
     wall = piece.wall
     height = piece.height
     low = height < eye.z
-    verdict, near, far = judged(wall, beam, Nearest(-1, np.inf, np.inf))
-    if verdict == MISSED:
+    meets, near, far = bounds(wall, beam, np.inf)
+    if not meets:
         return True
     sense = area_sign(beam.ox, beam.oy, wall)
     exits = sense * piece.inner > 0
-    if verdict == OPEN:
+    if far == np.inf:
         holds = sense == 0 and between(beam.ox, beam.oy, wall)
         if not holds and not (
             meets_seen(sense, beam, wall) if sense != 0 else meets_in_line(beam, wall)
@@ -401,9 +396,9 @@ def _raise_exactly(
         t = length_of(beam, wall)
         near = t / ROOM
         far = t * ROOM
-    bounds = (1.0 / far, 1.0 / near) if near > 0.0 else (np.inf, np.inf)
+    depths = (1.0 / far, 1.0 / near) if near > 0.0 else (np.inf, np.inf)
     kind = EXITS if exits and low else MEETS
-    new = entry_of(bounds[0], bounds[1], height, wall, (piece.name, kind), eye.z)
+    new = entry_of(depths[0], depths[1], height, wall, (piece.name, kind), eye.z)
     return insert(new, i, beam, eye, highest, skies)
 
 
@@ -416,12 +411,12 @@ def _raise_along(
     height = piece.height
     name = piece.name
     t = length_of(beam, wall)
-    bounds = (1.0 / (t * ROOM), ROOM / t) if t > 0.0 else (np.inf, np.inf)
+    depths = (1.0 / (t * ROOM), ROOM / t) if t > 0.0 else (np.inf, np.inf)
     px, py, qx, qy = wall
     along = side(beam, px, py) == 0 and side(beam, qx, qy) == 0
     skies.mixed[i] = max(skies.mixed[i], int(along))
     kind = BEGINS if along else MEETS
-    new = entry_of(bounds[0], bounds[1], height, wall, (name, kind), eye.z)
+    new = entry_of(depths[0], depths[1], height, wall, (name, kind), eye.z)
     fits = insert(new, i, beam, eye, highest, skies)
     if not along:
         return fits

@@ -210,7 +210,9 @@ class NoiseEstimate:
     def update(self, scan: LaserScan, assumed: RangeNoise) -> RangeNoise:
         """Learn from a scan; returns the noise as it is known now, not that assumed at first."""
         known = assumed if self.known is None else self.known
-        self._total += count_residuals(scan.angles, scan.ranges, known, NOISE_RANGES, self._counts)
+        self._total += count_residuals(
+            plain(scan.angles), plain(scan.ranges), known, NOISE_RANGES, self._counts
+        )
         # [share] Growth of the data after which noise is fitted again. It changes speed, and the
         # error of the noise by a few per cent.
         noise_steps = 1.2
@@ -251,6 +253,7 @@ class NoiseEstimate:
         return RangeNoise(float(np.sqrt(floor)), float(np.sqrt(growth)))
 
 
+@compiled
 def count_residuals(
     angles: Float, ranges: Float, noise: RangeNoise, edges: Float, counts: Int
 ) -> int:
@@ -259,12 +262,6 @@ def count_residuals(
     Adds to the counts (bins, sizes) of deviations between edges (bins + 1,) [m] of the range;
     returns how many were added.
     """
-    returned = np.flatnonzero(np.isfinite(ranges) & (ranges > NOISE_UNIT))
-    steps = np.abs(np.diff(angles[returned]))
-    ranges = ranges[returned]
-    before = ranges[:-1]
-    after = ranges[1:]
-    share = np.hypot(noise.floor / np.fmax(np.minimum(before, after), NOISE_UNIT), noise.growth)
     # [1/rad] Steepest relative change of the range along a wall: incidence above 10°. Steeper walls
     # magnify noise, and jumps between walls hide among them.
     noise_slope = 6.0
@@ -272,28 +269,53 @@ def count_residuals(
     # [share] Bound on that tolerance, relative to the range: with a far too large initial noise
     # corners would count as noise for good.
     noise_share = 0.05
-    jumps = noise_slope * steps + noise_jump * np.minimum(share, noise_share)
     # [rad] Largest angle between consecutive beams: several lost beams of common range finders.
     # More includes ends of walls, less leaves few beams.
     noise_widest = np.radians(6.0)
-    smooth = (np.abs(np.log(after / before)) < jumps) & (steps < noise_widest) & (steps > 0.0)
-    # The middle ones of five beams that follow each other without a jump.
-    beams = 2 + np.flatnonzero(smooth[:-3] & smooth[1:-2] & smooth[2:-1] & smooth[3:])
-    left = steps[beams - 1]
-    right = steps[beams]
-    middle = ranges[beams]
+    returned = 0
+    turns = np.empty(len(ranges))
+    reaches = np.empty(len(ranges))
+    for beam in range(len(ranges)):
+        if NOISE_UNIT < ranges[beam] < np.inf:
+            turns[returned] = angles[beam]
+            reaches[returned] = ranges[beam]
+            returned += 1
+    added = 0
+    smooth = 0
+    for last in range(1, returned):
+        before = reaches[last - 1]
+        after = reaches[last]
+        step = abs(turns[last] - turns[last - 1])
+        share = np.hypot(noise.floor / min(before, after), noise.growth)
+        jump = noise_slope * step + noise_jump * min(share, noise_share)
+        flat = abs(np.log(after / before)) < jump and 0.0 < step < noise_widest
+        smooth = smooth + 1 if flat else 0
+        # The middle one of five beams that follow each other without a jump.
+        middle = last - 2
+        row = -1
+        while row + 1 < len(edges) and edges[row + 1] < reaches[middle]:
+            row += 1
+        if smooth >= 4 and 0 <= row < len(counts):
+            size = _off_flat(turns[middle - 1 : middle + 2], reaches[middle - 1 : middle + 2])
+            column = int(PER_DECADE * np.log10(max(size, NOISE_UNIT) / NOISE_UNIT))
+            counts[row, min(column, counts.shape[1] - 1)] += 1
+            added += 1
+    return added
+
+
+@borrower
+def _off_flat(turns: Float, reaches: Float) -> float:
+    """The deviation [m] of the second of three ranges (3,) from a flat wall through the others.
+
+    It is in units of its own noise: that of the others moves the wall.
+    """
+    left = abs(turns[1] - turns[0])
+    right = abs(turns[2] - turns[1])
     # 1 / r = (sin(right) / one + sin(left) / other) / sin(left + right)
-    a, b = np.sin([right, left]) / np.sin(left + right)
-    one = ranges[beams - 1]
-    other = ranges[beams + 1]
-    flat = 1.0 / (a / one + b / other)
+    a = np.sin(right) / np.sin(left + right)
+    b = np.sin(left) / np.sin(left + right)
+    flat = 1.0 / (a / reaches[0] + b / reaches[2])
     # By how much the noise of the neighbours moves that.
-    a = a * (flat / one) ** 2
-    b = b * (flat / other) ** 2
-    sizes = np.abs(middle - flat) / np.sqrt(1.0 + a * a + b * b)
-    rows = np.searchsorted(edges, middle) - 1
-    columns = PER_DECADE * np.log10(np.maximum(sizes, NOISE_UNIT) / NOISE_UNIT)
-    inside = (rows >= 0) & (rows < len(counts))
-    places = rows[inside], np.minimum(columns[inside], counts.shape[1] - 1).astype(np.int64)
-    np.add.at(counts, places, 1)
-    return int(inside.sum())
+    a *= (flat / reaches[0]) ** 2
+    b *= (flat / reaches[2]) ** 2
+    return float(abs(reaches[1] - flat) / np.sqrt(1.0 + a * a + b * b))

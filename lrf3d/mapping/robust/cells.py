@@ -127,8 +127,11 @@ class Cells(NamedTuple):
 
     @classmethod
     def of_size(cls, size: int) -> "Cells":
-        """No cells, with room for this number of squares, and more of blocks and clusters."""
-        blocks = 4 * size
+        """No cells, with room for this number of squares, and more of blocks and clusters.
+
+        Room that is not taken takes no memory but addresses.
+        """
+        blocks = 16 * size
         cells = SIDE * SIDE
         counters = np.zeros(1, COUNTERS)
         counters["blocks"] = counters["clusters"] = 1
@@ -136,12 +139,12 @@ class Cells(NamedTuple):
             np.full(2 * size, EMPTY), np.zeros(2 * size, np.int64),
             np.zeros((size, 64), np.int32), np.zeros((blocks, PASS_DIRECTIONS, cells), np.uint8),
             np.zeros((blocks, cells), np.uint16), np.zeros((blocks, cells), np.int32),
-            np.zeros(16 * size, CLUSTER), counters,
+            np.zeros(64 * size, CLUSTER), counters,
         )  # fmt: skip
 
-    def doubled(self) -> "Cells":
-        """The same with room for twice as many."""
-        grown = Cells.of_size(2 * len(self.blocks))
+    def enlarged(self) -> "Cells":
+        """The same with room for four times as many: copies take long."""
+        grown = Cells.of_size(4 * len(self.blocks))
         taken = self.counters[0]
         grown.blocks[: taken.squares] = self.blocks[: taken.squares]
         for name in ("passes", "passed", "heads"):
@@ -260,15 +263,6 @@ def ways_across(ux: float, uy: float, sine: float) -> int:
 
 
 @borrower
-def _passes(cells: Cells, x: float, y: float, way: int) -> int:
-    """The number of beams of a direction that passed through the cell of a place [m]."""
-    column, row = cell_of(x, y)
-    # Nothing has passed the cells of block 0.
-    passed: int = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
-    return passed & MOST_PASSES
-
-
-@borrower
 def count_beams(
     cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
 ) -> int:
@@ -279,8 +273,10 @@ def count_beams(
         if (ways >> way) & 1:
             passed = cells.passes[block, way, cell] & MOST_PASSES
             if deeper > 0.0:
-                behind = _passes(cells, x + deeper * COSINES[way], y + deeper * SINES[way], way)
-                passed = min(passed, behind)
+                column, row = cell_of(x + deeper * COSINES[way], y + deeper * SINES[way])
+                # Nothing has passed the cells of block 0.
+                behind = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
+                passed = min(passed, behind & MOST_PASSES)
             count += passed
     return count
 

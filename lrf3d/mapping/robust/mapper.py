@@ -98,17 +98,17 @@ class RobustMapper:
         Returns the clusters (beams,) that beams hit but no wall owns. Only the first of them are
         filled in: as many as the counter `unowned` of the walls says.
         """
-        counters = self._walls.counters[0]
+        counters = self._walls.counters
         unowned = np.empty(len(beams.ranges), np.int64)
-        counters.scan += 1
-        counters.changed = counters.unowned = 0
+        counters["scan"] += 1
+        counters["changed"] = counters["unowned"] = 0
         while not open_squares(self._cells, place, beams):
-            self._cells = self._cells.doubled()
+            self._cells = self._cells.enlarged()
         done = 0
-        while done < len(beams.ranges):
-            done = add_beams(self._cells, done, place, beams, self._walls, unowned)
-            if done < len(beams.ranges):
-                self._cells = self._cells.doubled()
+        while (done := add_beams(self._cells, done, place, beams, self._walls, unowned)) < len(
+            unowned
+        ):
+            self._cells = self._cells.enlarged()
         return unowned
 
     def _shown_rows(self) -> Int:

@@ -47,16 +47,16 @@ LEAST_HITS = 0.5
 
 @inner
 def _enter(
-    x: float, y: float, dx: float, dy: float, scale: float
+    place: tuple[float, float], dx: float, dy: float, scale: float
 ) -> tuple[int, int, int, int, int, int, int]:
-    """Start the traversal of the cells by a ray from a place (x, y) [m] in a direction (dx, dy).
+    """Start the traversal of the cells by a ray from a place [m] in a direction (dx, dy).
 
     Returns its first cell, packed; the steps to the next column and row; the distances between
     columns and between rows; and those to the next column and row. Distances are integers, which
     processors compare and select several times faster than floats.
     """
-    px = x / CELL
-    py = y / CELL
+    px = place[0] / CELL
+    py = place[1] / CELL
     column = int(np.floor(px))
     row = int(np.floor(py))
     across = (column + 1.0 - px) if dx > 0.0 else (px - column)
@@ -86,10 +86,7 @@ def add_beams(
 
     The clusters that gained a return but that no wall owns are listed (n,).
     """
-    x, y = place
-    units, ranges, deviations = beams
-    passes = cells.passes
-    passed_ways = cells.passed
+    ranges = beams.ranges
     counters = cells.counters[0]
     if begin == 0:
         counters.scans += 1
@@ -98,60 +95,56 @@ def add_beams(
         reading = ranges[beam]
         if reading == 0.0:
             continue
-        dx = units[beam, 0]
-        dy = units[beam, 1]
+        dx = beams.units[beam, 0]
+        dy = beams.units[beam, 1]
         most = int(abs(reading) * (abs(dx) + abs(dy)) / (CELL * SIDE)) + 4
         if counters.blocks + most > len(cells.heads):
             return beam
         if counters.free_cluster == 0 and counters.clusters == len(cells.clusters):
             return beam
         turn = np.arctan2(dy, dx) / (2.0 * np.pi)
-        free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
+        free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * beams.deviations[beam]) / CELL
         way = int(np.floor(turn * PASS_DIRECTIONS + 0.5)) % PASS_DIRECTIONS
         scale = (1 << REACH_BITS) / (abs(reading) / CELL + 2.0)
-        cell, right, ahead, wide, high, across, up = _enter(x, y, dx, dy, scale)
+        cell, right, ahead, wide, high, across, up = _enter(place, dx, dy, scale)
         enters = 0
         exits = min(across, up)
         last = int(2.0 * free * scale)
-        # A packed cell that is in another block than this one makes the loop look the block up.
-        block = 0
-        inside = cell ^ LEAVES
-        bit = np.uint16(1 << way)
         # A beam passes a cell if it is free up to the middle of its path through the cell.
         while enters + exits <= last:
-            if (cell ^ inside) & LEAVES:
-                column = (cell & ((1 << ROW_BITS) - 1)) - (1 << 31)
-                row = cell >> ROW_BITS
-                block = take_block(cells, column, row)
-                if block < 0:
-                    # Nothing was hit around here: on to the next square.
-                    wide_out = side - (column & side) if right > 0 else column & side
-                    high_out = side - (row & side) if ahead > 0 else row & side
-                    enters = min(across + wide_out * wide, up + high_out * high)
-                    columns = _steps_out(across, wide, enters)
-                    rows = _steps_out(up, high, enters)
-                    cell += right * columns + ahead * rows
-                    across += wide * columns
-                    up += high * rows
-                    exits = min(across, up)
-                    inside = cell ^ LEAVES
-                    continue
-                inside = cell
-            at = (((cell >> ROW_BITS) & (SIDE - 1)) << SIDE_BITS) | (cell & (SIDE - 1))
-            count = passes[block, way, at]
-            if count & MOST_PASSES == 0:
-                passed_ways[block, at] |= bit
-            if count & SOLID:
-                contradict(cells, block, way, at, dx, dy, walls)
-            elif count < MOST_PASSES:
-                passes[block, way, at] = count + 1
-            enters = exits
-            # Choices instead of a branch, which no processor could predict.
-            crosses = across < up
-            cell += right if crosses else ahead
-            across += wide if crosses else 0
-            up += 0 if crosses else high
-            exits = min(across, up)
+            column = (cell & ((1 << ROW_BITS) - 1)) - (1 << 31)
+            row = cell >> ROW_BITS
+            block = take_block(cells, column, row)
+            if block < 0:
+                # Nothing was hit around here: on to the next square.
+                wide_out = side - (column & side) if right > 0 else column & side
+                high_out = side - (row & side) if ahead > 0 else row & side
+                enters = min(across + wide_out * wide, up + high_out * high)
+                columns = _steps_out(across, wide, enters)
+                rows = _steps_out(up, high, enters)
+                cell += right * columns + ahead * rows
+                across += wide * columns
+                up += high * rows
+                exits = min(across, up)
+                continue
+            passes = cells.passes[block, way]
+            passed_ways = cells.passed[block]
+            inside = cell
+            while enters + exits <= last and not (cell ^ inside) & LEAVES:
+                at = (((cell >> ROW_BITS) & (SIDE - 1)) << SIDE_BITS) | (cell & (SIDE - 1))
+                count = passes[at]
+                if count & MOST_PASSES == 0:
+                    passed_ways[at] |= np.uint16(1 << way)
+                passes[at] = count + (count < MOST_PASSES)
+                if count & SOLID:
+                    contradict(cells, block, way, at, dx, dy, walls)
+                enters = exits
+                # Choices instead of a branch, which no processor could predict.
+                crosses = across < up
+                cell += right if crosses else ahead
+                across += wide if crosses else 0
+                up += 0 if crosses else high
+                exits = min(across, up)
         if reading > 0.0:
             add_hit(cells, place, beams, beam, turn, walls, unowned)
     return len(ranges)

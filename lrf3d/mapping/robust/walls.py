@@ -96,7 +96,7 @@ class Walls(NamedTuple):
     def with_room(self, count: int) -> "Walls":
         """The walls with room for a number of new ones."""
         rows = len(self.rows)
-        while self.counters[0].taken - self.counters[0].free + count > rows:
+        while self.counters["taken"][0] - self.counters["free"][0] + count > rows:
             rows *= 2
         if rows == len(self.rows):
             return self

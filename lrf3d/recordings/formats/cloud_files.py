@@ -22,17 +22,18 @@ from lrf3d.simulation.run import Run
 # A point without gaps between its fields, as in files.
 PACKED = np.dtype([(name, POINT[name]) for name in POINT.names or ()])
 
+# The same for PLY, of whose types Open3D does not know ushort.
+PLY = np.dtype([(name, "<i4" if name == "ring" else POINT[name]) for name in POINT.names or ()])
+
 # The types of a point's fields in PLY.
-PLY_TYPES = {"<f4": "float", "<u2": "ushort"}
+PLY_TYPES = {"<f4": "float", "<i4": "int"}
 
 
 def write_ply(run: Run, path: Path) -> None:
     """Write all points in the world to a binary PLY file."""
-    rows = "\n".join(
-        f"property {PLY_TYPES[PACKED[name].str]} {name}" for name in PACKED.names or ()
-    )
+    rows = "\n".join(f"property {PLY_TYPES[PLY[name].str]} {name}" for name in PLY.names or ())
     head = "ply\nformat binary_little_endian 1.0\nelement vertex {count:<12}\n"
-    _write_all(run, path, f"{head}{rows}\nend_header\n")
+    _write_all(run, path, f"{head}{rows}\nend_header\n", PLY)
 
 
 def write_pcd(run: Run, path: Path) -> None:
@@ -45,17 +46,17 @@ def write_pcd(run: Run, path: Path) -> None:
         f"TYPE {' '.join(kind.kind.upper() for kind in kinds)}\nCOUNT{' 1' * len(names)}\n"
         "WIDTH {count:<12}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count:<12}\nDATA binary\n"
     )
-    _write_all(run, path, head)
+    _write_all(run, path, head, PACKED)
 
 
-def _write_all(run: Run, path: Path, head: str) -> None:
-    """Write a header, in which the number of points is filled in, and the points."""
+def _write_all(run: Run, path: Path, head: str, kind: "np.dtype[np.void]") -> None:
+    """Write a header, in which the number of points is filled in, and the points of a kind."""
     scans = _records(run, path, local=False)
     with replacing(path) as unfinished, unfinished.open("wb") as file:
         file.write(head.format(count=0).encode())
         count = 0
         for _, rows in scans:
-            file.write(rows.astype(PACKED).tobytes())
+            file.write(rows.astype(kind).tobytes())
             count += len(rows)
         file.seek(0)
         file.write(head.format(count=count).encode())
@@ -122,8 +123,7 @@ def _records(run: Run, path: Path, *, local: bool) -> Iterator[tuple[LidarScan, 
     """The scans, and the points of each."""
     if not run.cloud_sensors.lidars:
         raise InputError(f"{path}: the run has no lidar; give its world one, [lidar]")
-    start = 0.0 if local else float(run.trajectory.times[0])
     for scan in run.lidar_scans:
         rows = records_of(scan, local=local)
-        rows["time"] += 0.0 if local else scan.time - start
+        rows["time"] += 0.0 if local else scan.time - float(run.trajectory.times[0])
         yield scan, rows

@@ -78,12 +78,6 @@ BAR_MARGIN = 0.02
 # Width of the plan in lengths of the longest scale bar.
 BARS = 4.0
 
-# Colour of what the worst stretch of a drive saw.
-NEW = "#d6361f"
-
-# Colour of what other passes saw.
-OLD = "#2f6fb3"
-
 # Colour of refused closures, and of Embree's answer where it is not the exact one.
 WRONG = "#7a3fb0"
 
@@ -259,7 +253,9 @@ def draw_map(
     stops = poses[np.isfinite(poses[:, 0])]
     driven = [stops[:, :2], estimated[np.isfinite(estimated[:, 0]), :2]]
     name = title or (world.name if world is not None else "") or "map"
-    words = _counts(line_map, len(stops), len(points))
+    # Without a map, a drive is shown on walls that were known before.
+    given = 0 if world is None or source is not line_map or len(line_map) else len(world.segments)
+    words = _counts(line_map, given, len(stops), len(points))
     figure, (ax,) = metre_sheet([*_framing(world, line_map, points), *driven], 1, name, words)
     if world is not None:
         # Without a map of its own, a drive was found on these walls, which may not be the truth.
@@ -283,10 +279,10 @@ def _framing(world: World | None, line_map: LineMap, points: Float) -> list[Floa
     return [line_map.segments.reshape(-1, 2), seen]
 
 
-def _counts(line_map: LineMap, scans: int, points: int) -> str:
-    named = ((scans, "scan"), (points, "return"))
-    words = [line_map.counts, *(counted(number, name) for number, name in named if number)]
-    return "  ·  ".join(words)
+def _counts(line_map: LineMap, walls: int, scans: int, points: int) -> str:
+    named = ((walls, "wall"), (scans, "scan"), (points, "return"))
+    words = [counted(number, name) for number, name in named if number]
+    return "  ·  ".join(words if walls else [line_map.counts, *words])
 
 
 def draw_noise_levels(
@@ -377,7 +373,10 @@ def draw_check(
     others = ((driven < begin) | (driven > end)) & (
         (poses[:, :2] > low) & (poses[:, :2] < high)
     ).all(axis=1)
-    seen_by = (inside, NEW, f"scans {first} to {last}"), (others, OLD, "scans of other passes")
+    seen_by = (
+        (inside, plot.HIT, f"scans {first} to {last}"),
+        (others, plot.PATH, "scans of other passes"),
+    )
     share = f"{100 * shown.violation:.0f} % of what others saw is passed by beams"
     words = f"scans {first} to {last}" + f": {share}" * bool(shown.violation)
     figure, axes = metre_sheet([np.array([low, high])], 3, title, words)
@@ -386,7 +385,7 @@ def draw_check(
             seen = [shown.points[k] for k in np.flatnonzero(chosen).tolist()]
             points = np.vstack([np.empty((0, 2)), *seen])
             ax.plot(*points.T, ".", markersize=1.5, color=colour, label=name, zorder=3)
-        ax.plot(*poses[inside, :2].T, color=NEW, linewidth=HAIRLINE, zorder=4)
+        ax.plot(*poses[inside, :2].T, color=plot.HIT, linewidth=HAIRLINE, zorder=4)
     ends = [poses[[old, new], :2] for old, new, _ in refused]
     axes[2].add_collection(
         LineCollection(ends, colors=WRONG, linewidths=HAIRLINE, label="refused closures", zorder=5)

@@ -45,7 +45,7 @@ BELOW: dict[str, Any] = {"color": "#c3c8d0", "linewidth": 1.0}
 # Colour of beams.
 BEAM = "#f2a03d"
 
-# Colour of the returns of a scan.
+# Colour of the returns of a scan, and of loop closures that were dropped.
 HIT = "#d6361f"
 
 # Colour of the robot's path.
@@ -56,9 +56,6 @@ ROBOT = "#16324f"
 
 # Colour of loop closures.
 CLOSED = "#0b8a5f"
-
-# Colour of loop closures that were dropped.
-DROPPED = "#d6361f"
 
 # Glass is dashed and mirrors are dash-dotted, in worlds and in maps.
 DASHES = {"glass": "dashed", "mirror": "dashdot"}
@@ -225,7 +222,7 @@ def estimate(
     edges: Any = {"facecolors": "none", "edgecolors": path.get_color(), **faded}
     ax.add_collection(PolyCollection(list(rings), **edges))
     for pairs, colour, name in closures * (
-        (estimate.dropped_closures, DROPPED, "dropped closures"),
+        (estimate.dropped_closures, HIT, "dropped closures"),
         (estimate.closures, CLOSED, "loop closures"),
     ):
         if len(pairs):

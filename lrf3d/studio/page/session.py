@@ -211,7 +211,11 @@ class PageSession:
         seen = scene.seen(moment, view, size)
         plan = scene.inset(moment, self._inset) if view.inset else None
         values = {
-            "camera": _scene_camera(seen, view),
+            "camera": {
+                **_camera(seen.lens),
+                **{name: getattr(seen, name) for name in ("clock", "dusk", "cut")},
+                "target": _numbers(view.target),
+            },
             "size": size,
             "plan": _camera(plan.lens) if plan else None,
             "tints": None,
@@ -285,14 +289,6 @@ class PageSession:
 def _legend(colour: tuple[float, ...]) -> str:
     """A colour for text, paler on its dark ground."""
     return f"rgb({', '.join(f'{part:.0%}' for part in look.paler(colour))})"
-
-
-def _scene_camera(seen: Seen, view: Look) -> dict[str, Any]:
-    return {
-        **_camera(seen.lens),
-        **{name: getattr(seen, name) for name in ("clock", "dusk", "cut")},
-        "target": _numbers(view.target),
-    }
 
 
 def _camera(lens: Lens) -> dict[str, Any]:

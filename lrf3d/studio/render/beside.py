@@ -23,6 +23,7 @@ from lrf3d.studio.scene.found import (
 )
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
+from lrf3d.studio.scene.panel import INK, PALE
 from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
 from lrf3d.studio.scene.timeline import metres, smoothed
 
@@ -64,12 +65,6 @@ _NAMED = 3
 
 # Colour of the frame of a map, 0…255.
 _FRAME_COLOUR = (38, 50, 72)
-
-# Colour of the first row, 0…255.
-INK = (236, 240, 247)
-
-# Colour of the other rows, 0…255.
-PALE = (184, 196, 216)
 
 # A usual number under a map, which chooses the size of all.
 _USUAL = (("19 hits: ±16 cm  ·  missed", INK),)
@@ -137,6 +132,7 @@ class MapBeside:
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
         inset = self._scene.inset(moment, self._window(time), self._colours, lost)
+        named = "Map of " * self._among_robots + self.name
         of = f" of {len(found)}" * (not self._among_robots)
         counts = f"{found.sum()}{of} walls"
         wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
@@ -149,7 +145,7 @@ class MapBeside:
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_WALL
         kind = "The map" if len(run.maps) else "Seen"
-        name = self.name or kind + " so far" * (not ended), _ink(tint)
+        name = named or kind + " so far" * (not ended), _ink(tint)
         red = [("·  " + ", ".join(wrong), _ink(look.FALSE_COLOUR))] * bool(wrong)
         if not self.name:
             return [self._row(name, *red), Image.fromarray(plan)]
@@ -173,7 +169,8 @@ class MapBeside:
         order = "walls in the map" if own else "walls, early to late"
         walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
         if (self._among_robots or not self._colours) and has_false_walls(run):
-            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
+            why = "robots taken for walls" if self._among_robots else "false walls"
+            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), (why, PALE)))
         return [
             *walls * bool(len(run.maps)),
             self._row(seen, ("seen by the laser", PALE)),

@@ -16,7 +16,7 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.beside import INK, LETTER, PALE, Comparison, MapBeside, together
+from lrf3d.studio.render.beside import LETTER, Comparison, MapBeside, together
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of, stacked
 from lrf3d.studio.scene import panel
@@ -24,7 +24,7 @@ from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.look import PALE_WALL, SIZE, TRAIL_COLOUR, Colour
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
-from lrf3d.studio.scene.shapes import Label, Pixels
+from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
 from lrf3d.studio.scene.shots import FIRST_SHOT, LENGTH, LONGEST, SHORTEST, SHOTS
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
@@ -191,7 +191,7 @@ class Film:
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         if isinstance(self.camera, Story):
             self.camera.leaps = chosen.leaps
-            self.camera.robots = max(1, len(self._scenes))
+            self.camera.names = [*self._scenes]
             # The maps of several robots stay.
             self.camera.widens = (not self._scenes) * self._size[0] / self._size[1]
 
@@ -254,7 +254,13 @@ class Film:
             robots=tuple(self._scenes),
         )
         if any(words) and panel.has_card(self.run, moment, view):
-            label = label._replace(text=words, colours=(INK, *[PALE] * (len(words) - 1)))
+            head, *found = words
+            colours = [panel.PALE] * len(found)
+            if self._scenes:
+                # What each robot has found is in its colour.
+                found = [f"{NAMED} {each}" for each in found]
+                colours = [panel.whole(each or PALE_WALL) for each in self.scene.team.values()]
+            label = label._replace(text=(head, *found), colours=(panel.INK, *colours))
         return label
 
     def _beside(self, picture: Pixels, time: float) -> Pixels:

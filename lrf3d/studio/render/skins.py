@@ -35,8 +35,6 @@ def facade(day: Single, place: tuple[float, float], wall: Single, pixel: float) 
     u = along - (number + 0.5) * bay
     near = min(max(1.6 - 2.2 * pixel / min(bay, STOREY), 0.0), 1.0)
     light = 1.0 + 0.10 * strip(height - wall[1], 0.30, pixel)
-    if level >= 1:
-        light *= 1.0 - 0.16 * strip(v, 0.05, pixel) * near
     keeps = 1.0
     if level < storeys:
         low = level < 1
@@ -58,16 +56,12 @@ def facade(day: Single, place: tuple[float, float], wall: Single, pixel: float) 
         pane = strip(u, wide, pixel) * strip(middle, high, pixel)
         keeps = 1.0 - 0.25 * pane * near
         light *= 1.0 + 0.10 * frame * near
-        sunk = min(max(2.0 * (top - v) / (top - base), 0.0), 1.0)
-        shade = 0.55 + 0.45 * sunk * sunk * (3.0 - 2.0 * sunk)
-        dark = (0.26 * shade, 0.30 * shade + 0.012, 0.36 * shade + 0.03)
+        dark = (0.22, 0.27, 0.34)
         if door:
             dark = (0.44, 0.33, 0.25)
         else:
             bar = strip(u, 0.035, pixel) * min(0.05 / pixel, 1.0)
             pane *= 1.0 - 0.75 * bar
-            sill = strip(u, wide + 0.20, pixel) * strip(v - base + 0.14, 0.05, pixel)
-            light *= 1.0 + 0.14 * near * sill
         for k in range(3):
             day[k] *= 1.0 + pane * (dark[k] - 1.0)
     for k in range(3):
@@ -76,7 +70,7 @@ def facade(day: Single, place: tuple[float, float], wall: Single, pixel: float) 
 
 
 @borrower
-def room_wall(day: Single, place: tuple[float, float], wall: Single, pixel: float) -> None:
+def room_wall(day: Single, place: tuple[float, float], wall: Single, pixel: float) -> float:
     """A skirting board, and frames at the free ends of a wall."""
     along, height = place
     kind = math.floor(wall[2])
@@ -91,6 +85,7 @@ def room_wall(day: Single, place: tuple[float, float], wall: Single, pixel: floa
     frames = (0.62, 0.48, 0.36)
     for k in range(3):
         day[k] *= (1.0 + board * (boards[k] - 1.0)) * (1.0 + frame * (frames[k] - 1.0))
+    return 1.0 - 0.7 * frame
 
 
 @borrower
@@ -154,8 +149,7 @@ def dress(day: Single, place: tuple[float, float], wall: Single, pixel: float, c
     if house:
         return facade(day, place, wall, pixel)
     if wall[2] < 6.0:
-        room_wall(day, place, wall, pixel)
-        return 1.0
+        return room_wall(day, place, wall, pixel)
     if wall[1] > 1.3 and wall[0] > 3.5:
         return rack(day, place, wall, pixel)
     if wall[0] > 0.5:

@@ -183,6 +183,11 @@ def robots_of(
     ]
 
 
+def robot_names(obstacles: "Sequence[DynamicObstacle]", names: Sequence[str] = ()) -> Sequence[str]:
+    """What a robot and the others among obstacles are called: by their names, if they have any."""
+    return names or ["this robot", *["another robot"] * len(robots_of(obstacles))]
+
+
 class Obstacles:
     """The dynamic obstacles of a run, in a frame with an origin (2,) in the world [m].
 

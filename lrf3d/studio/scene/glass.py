@@ -204,7 +204,7 @@ def _telling(run: Shown, number: int) -> list[TellingBeams]:
     met = _met_robots(run, number, ends)
     if met.any():
         words = f"{counted(int(met.sum()), 'beam')} that another robot stops"
-        found.append(TellingBeams(words, ends[met], look.FALSE_COLOUR))
+        found.append(TellingBeams(words, ends[met], BACK_COLOUR))
     bright = met_reflectors(run, number)
     if len(bright) and not any(each.is_robot for each in run.obstacles):
         words = f"back from {counted(len(bright), 'reflector')}"

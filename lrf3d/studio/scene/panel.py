@@ -14,13 +14,15 @@ from lrf3d.geometry.lines import lengths
 from lrf3d.scoring.map_score import found_words, judged_part, score_run
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene import look
-from lrf3d.studio.scene.bodies import robots_of
+from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
+from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
 from lrf3d.studio.scene.drift import GHOST_COLOUR, Drift
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import NAMED, Label
+from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
 from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, lasting, metres
 
@@ -34,13 +36,13 @@ SIZE = 40.0
 _FULL_SIZE = 19.0
 
 # Colour of the first line, 0…255.
-_INK = (236, 240, 247)
+INK = (236, 240, 247)
 
 # Colour of the other lines, 0…255.
-_PALE = (184, 196, 216)
+PALE = (184, 196, 216)
 
 # All shots of the film's own cameras.
-_SHOTS = ("wave", "rise", "whole", "chase", "close", "proof")
+_SHOTS = (FIRST_SHOT, PROOF, "rise", "whole", *SHOTS)
 
 # The card of the run that was asked for last.
 _CARDS = Latest()
@@ -100,10 +102,10 @@ def panel(
         said += [run.map_after(moment.mapped).counts] * bool(run.maps)
     said = said or [_passed(run, moment, playback, head, view.shot)]
     others = [
-        *((words, _PALE) for words in said),
+        *((words, PALE) for words in said),
         *_trails(run, moment, view.shot, playback, robots),
     ]
-    return _label([(head, _INK), *others], _FULL_SIZE if full else SIZE)
+    return _label([(head, INK), *others], _FULL_SIZE if full else SIZE)
 
 
 def _passed(run: Run, moment: Moment, playback: float, head: str, shot: str) -> str:
@@ -134,25 +136,24 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
 
 def _card(run: Run, playback: float) -> Label:
     """What was found in the end: of the visible walls, if the truth is known."""
-    # A building of several colours is several objects.
-    objects = counted(run.map.object_count, "object")
     if not run.maps:
         found = f"{_mapped(run, -1)}, {counted(len(run), 'scan')}"
         rest = "what it never saw stays dark"
     elif not (run.knows_truth and len(run.world.segments)):
         driven = lengths(np.hstack([run.trajectory.poses[:-1, :2], run.trajectory.poses[1:, :2]]))
         found = f"{distances(run)} became {counted(len(run.map), 'segment')}"
+        objects = counted(run.map.object_count, "object")
         rest = f"{driven.sum():.0f} m driven  ·  {objects}"
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         found += false_words(false_after(run, len(run) - 1))
-        rest = f"what it never saw stays dark  ·  {objects}"
+        rest = "what it never saw stays dark"
     lost = lost_words(run)
-    missed = [(f"{NAMED} {lost}", _whole(look.FALSE_COLOUR))] * bool(lost)
+    missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
-    told = [(subject.found, _INK)] * bool(subject.found)
-    colour = _PALE if told else _INK
-    return _label([*told, (found, colour), *missed, *_drifted(run), (rest, _PALE)], SIZE)
+    told = [(subject.found, INK)] * bool(subject.found)
+    colour = PALE if told else INK
+    return _label([*told, (found, colour), *missed, *_drifted(run), (rest, PALE)])
 
 
 def _drifted(run: Run) -> list[tuple[str, tuple[int, int, int]]]:
@@ -162,7 +163,7 @@ def _drifted(run: Run) -> list[tuple[str, tuple[int, int, int]]]:
         return []
     loops = f"{counted(len(run.estimate.closures), 'time')} at a known place again"
     alone = f"━ Odometry alone ends {metres(drift.off(np.inf))} off"
-    return [(alone, _whole(GHOST_COLOUR)), (loops, _PALE)]
+    return [(alone, whole(GHOST_COLOUR)), (loops, PALE)]
 
 
 def _trails(
@@ -175,13 +176,15 @@ def _trails(
     ]
     if others := robots_of(run.obstacles):
         colours = [look.TRAIL_COLOUR, *(colour for _, colour in others)]
-        names = robots or ["this robot", *["another robot"] * len(others)]
+        names = robot_names(run.obstacles, robots)
         found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
     if (drift := _drift_of(run)) is not None:
         off = metres(drift.off(moment.time - run.trajectory.times.min()))
         found.append((f"━ odometry alone  {off} off", GHOST_COLOUR))
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
-    return [(words.rstrip(), _whole(colour)) for words, colour in found]
+    red, green, blue = HEIGHT_COLOURS[1].tolist()
+    found += [("━ points of a lidar", (red, green, blue))] * bool(run.cloud_sensors.lidars)
+    return [(words.rstrip(), whole(colour)) for words, colour in found]
 
 
 def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[str, look.Colour]]:
@@ -194,12 +197,12 @@ def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[s
     return found
 
 
-def _whole(colour: look.Colour) -> tuple[int, int, int]:
+def whole(colour: look.Colour) -> tuple[int, int, int]:
     """A colour for text in whole numbers, paler on its dark ground."""
     red, green, blue = (round(255 * part) for part in look.paler(colour))
     return red, green, blue
 
 
-def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float) -> Label:
+def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float = SIZE) -> Label:
     text, colours = zip(*(line for line in lines if line[0]), strict=True)
     return Label(text, colours, size)

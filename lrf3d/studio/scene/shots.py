@@ -49,8 +49,8 @@ _COMES_BACK = 1.0
 # Approximate length of each other shot [s of the film].
 _SHOT = 2.0
 
-# Kinds of these shots, which alternate.
-SHOTS = ("chase", "close")
+# Kinds of these shots, in turn: from the street, from a roof, and from straight above.
+SHOTS = ("chase", "close", "above")
 
 # The shot of the first scan.
 FIRST_SHOT = "wave"
@@ -65,7 +65,7 @@ _SLOWER = 1.8
 _PROVEN = 0.8
 
 # Share of that shot which comes before its moment.
-_BEFORE = 0.6
+_BEFORE = 0.45
 
 # The same share where the shot before it has shown what comes before.
 _CLOSED = 0.1
@@ -144,11 +144,12 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     starts = timeline.start + playback * starts
     proves = (starts < proven) & (proven <= starts + playback * each)
     ends = starts + playback * np.where(proves, part, each)
+    others = np.array(SHOTS)[(np.cumsum(~proves) - 1) % len(SHOTS)]
     # What takes more than a moment is seen fast before that, in the time of a proof.
     ahead = np.append(proves[1:], False) & (subject.since is not None)
     ends = np.where(ahead, np.append(starts[1:], 0.0), ends)
     slow = np.where(subject.since is None, proves, ahead & (lasts > first + shown))
-    names = np.where(proves | ahead, PROOF, np.resize(SHOTS, count)).tolist()
+    names = np.where(proves | ahead, PROOF, others).tolist()
     takes = each * np.where(slow, _SLOWER, 1.0)
     begun = timeline.start + playback * min(OPENING, 0.5 * first)
     last = float(ends[-1])

@@ -4,15 +4,17 @@ For each shot, the position is chosen from which the robot is visible and most o
 lit.
 """
 
+from collections.abc import Sequence
 from functools import cache
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.geometry.lines import Float, cross, directions
+from lrf3d.studio.scene.bodies import robot_names
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
-from lrf3d.studio.scene.cameras import CARD, behind, chase, fitted, overview
+from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
 from lrf3d.studio.scene.shots import CLOSING, FIRST_SHOT, LENGTH, SHOTS, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
@@ -32,10 +34,6 @@ _NEAR_TURN = 0.7
 # When that camera has risen, as a share of the opening.
 _RISEN = 0.75
 
-# Additional downward tilt half-way on the camera's path to the overview of a town [rad]: houses
-# hide less of the robot.
-_INTO_STREETS = 0.5
-
 # Largest distance of the camera of a shot, as a share of the overview's.
 _SHARE = 0.75
 
@@ -43,13 +41,16 @@ _SHARE = 0.75
 _SIDES = 12
 
 # Angle by which the camera circles the robot in a shot, to each side of its middle [rad].
-_SWAY = np.radians(9.0)
+_SWAY = np.radians(5.0)
 
 # Angular speed at which the camera circles the world at the end [rad/s of the film].
-_END_DRIFT = np.radians(7.0)
+_END_DRIFT = np.radians(6.0)
 
 # How steeply the camera may look down at the end [rad].
 _STEEPS = np.radians(np.arange(46.0, 87.0, 8.0)).tolist()
+
+# The same where there is glass: from higher up, panes would be lines.
+_PANE_STEEPS = np.radians([36.0]).tolist()
 
 # Number of moments at which a candidate shot is rated.
 _JUDGED = 13
@@ -73,11 +74,8 @@ _TOO_MUCH = 0.05
 # Penalty for a shot in which the robot is hidden all the time.
 _HIDDEN = 6.0
 
-# Bonus for the nearest camera of a shot, and for the farthest of the opening.
-_FAVOURED = 0.25
-
 # What is said after the title.
-_LIT = "Light shows what its laser has met"
+_LIT = "What its laser has seen is lit"
 
 # Time for which it is said that the film leaps [s of the film].
 _LEAPS = 1.1
@@ -91,10 +89,15 @@ _ABOVE = np.radians([84.0])
 
 # From where it looks along what is seen from its side [rad].
 _ASIDE = np.radians([-45.0, -135.0])
-_PROVES_ASIDE = np.radians([34.0, 44.0])
+_PROVES_ASIDE = np.radians([22.0, 28.0, 34.0])
 
 # What that camera shows around the robot at the least [m].
 _ROOM = 1.5
+
+# The same once a false room is known to be one [m], and the time in which the camera comes near to
+# that [s of the film, as fast as the rest].
+_CLOSER = 4.0
+_GOES = 0.35
 
 # Angle of view of that camera [rad].
 _FIELD = float(np.radians(46.0))
@@ -108,32 +111,39 @@ _RUSH = 1.2
 
 
 class _Rigs(NamedTuple):
-    """Camera distances [m], and downward angles [degrees]."""
+    """Camera distances [m], downward angles [degrees], and how far pictures are moved up."""
 
     aways: tuple[float, ...]
     steeps: tuple[float, ...]
+    shift: float = 0.1
 
+
+# How far pictures from eye height are moved up, in halves of their height: more of the walls is
+# seen.
+_UP = -0.25
 
 # Candidate positions of the cameras of shots, in towns and in rooms.
 _TOWN = {
     "opening": _Rigs((22.0, 31.0, 44.0), (62.0, 78.0)),
-    "chase": _Rigs((5.0, 9.0), (20.0, 30.0)),
-    "close": _Rigs((12.0, 20.0), (28.0, 40.0, 55.0)),
+    "chase": _Rigs((4.5, 7.0), (10.0, 16.0), _UP),
+    "close": _Rigs((20.0, 28.0), (40.0, 52.0)),
+    "above": _Rigs((38.0, 50.0), (74.0,)),
 }
 _ROOMS = {
     "opening": _Rigs((8.0, 11.0, 14.0), (42.0, 52.0, 62.0)),
     "chase": _Rigs((3.5, 5.5), (32.0, 44.0, 62.0)),
-    "close": _Rigs((6.0, 9.0), (40.0, 54.0, 66.0)),
+    "close": _Rigs((6.0, 9.0), (40.0, 50.0, 60.0)),
+    "above": _Rigs((8.0, 11.0), (68.0, 76.0)),
 }
 
 # The same in rooms whose walls are not cut, between which the camera then stands.
-_BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0))
-
-# How far these pictures are moved up, in halves of their height: more of the walls is seen.
-_UP = -0.25
+_BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0), _UP)
 
 # Share of the rise in which walls sink to where they are cut.
 _SINKS = 0.2
+
+# Share of the rise in which the map beside the picture leaves.
+_LEAVES = 0.6
 
 
 class _Take(NamedTuple):
@@ -165,15 +175,16 @@ class Story:
         self._exposure = exposure
         others = (each.path.at for each in timeline.run.obstacles if each.is_robot)
         self._paths = [SmoothPath.of(timeline, poses) for poses in (timeline.poses, *others)]
-        # How many robots the shots show by turns.
-        self.robots = 1
+        # The names of the robots that the shots show by turns; of one, others have none.
+        self.names: Sequence[str] = ()
         # The aspect of the picture when the map beside it has left; 0 if that stays.
         self.widens = 0.0
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
         # There it comes to rest.
-        self._plan = overview(timeline, structures, CARD, middle, 0.0, _STEEPS, self._whole)
+        steeps = _PANE_STEEPS if structures.glass.any() else _STEEPS
+        self._plan = overview(timeline, structures, CARD, middle, 0.0, steeps, self._whole)
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
@@ -192,13 +203,13 @@ class Story:
         passed = (time - shot.start) / max(shot.end - shot.start, TINY)
         # The rise shows the whole world, which is then its own map.
         risen = {"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)
-        share = float(_eased(risen))
+        left = float(_eased(risen / _LEAVES))
         return track.look(
             time,
             cuts=True,
             above=above * max(1.0 - risen / _SINKS, 0.0),
             dusk=max(_FIRST_DUSK, float(_eased(passed))) if shot.name == "opening" else 1.0,
-            inset=1.0 - share * bool(self.widens),
+            inset=1.0 - left * bool(self.widens),
             shot=FIRST_SHOT if shot.name == "opening" else shot.name,
             said=self._said(number, time),
             robot=self._robot(number),
@@ -220,13 +231,15 @@ class Story:
         # That a loop has closed is still said where nothing else happens.
         proven = ["rise"] * (subject.since is not None) * (not rushes)
         if shot.name in ("proof", *proven):
-            return (subject.proof if time < subject.until else subject.after, *told)
+            head = subject.proof if time < subject.until else subject.after
+            names = robot_names(self._timeline.run.obstacles, self.names)
+            return (head.format(*names), *told)
         return ("", *told)
 
     def _robot(self, number: int) -> int:
         """Which robot a shot by its number follows: the first one opens and proves."""
         name = self.shots[number].name
-        return number % self.robots if name in SHOTS else 0
+        return number % max(1, len(self.names)) if name in SHOTS else 0
 
     def _leap(self, number: int) -> tuple[str, ...]:
         """How much of the run is left out before a shot by its number, if that is noticed."""
@@ -255,9 +268,8 @@ class Story:
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
             held = self._held(before.track, number - 1, times)
-            streets = 0.0 if self._structures.indoor else _INTO_STREETS
             # Walls that were not cut before sink.
-            return _Take(self._between(held, whole, share, streets), above=before.above)
+            return _Take(self._between(held, whole, share), above=before.above)
         whose = self._paths[self._robot(number)]
         places = interpolated(times, whose.times, whose.places)
         sway = np.linspace(-_SWAY, _SWAY, count)
@@ -307,7 +319,15 @@ class Story:
         if self._subject.since is not None:
             tracks = [min(tracks, key=lambda track: float(track.aways[0]))]
         path = SmoothPath(times, places, sway)
-        return self._seen(tracks, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
+        best = self._seen(tracks, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
+        if self._subject.aim is None:
+            return best
+        # What the map no longer holds needs no room.
+        corners = np.insert((places[:, None] + _CLOSER * AROUND).reshape(-1, 2), 2, 0.0, axis=1)
+        turn, steep = best.track.turns[:1], best.track.steeps[0]
+        near = fitted(corners, times[:1], turn, steep, _FIELD, aspect, _TEXT).at(times)
+        gone = _eased((times - self._subject.until) / (_GOES * self._timeline.playback))
+        return best._replace(track=self._between(best.track, near, gone))
 
     def _best(self, shot: str, path: SmoothPath, moments: Float, aspect: float) -> _Take:
         """The best camera path of a shot from the sides of the robot's path.
@@ -317,31 +337,22 @@ class Story:
         indoor = self._structures.indoor
         most = _SHARE * float(self._whole.track(aspect).aways.min())
 
-        def seen(rigs: _Rigs, shift: float = 0.1, **how: Any) -> _Take:
+        def seen(rigs: _Rigs, above: float = 0.0) -> _Take:
             sides = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
             tracks = [
                 CameraPath.along(
                     path,
                     path.headings + turn,
-                    Rig(min(away, most), steep, shift=shift),
+                    Rig(min(away, most), steep, shift=rigs.shift),
                 )
                 for turn, away, steep in product(sides, rigs.aways, rigs.steeps)
             ]
-            return self._seen(tracks, path, moments, aspect, **how)
+            return self._seen(tracks, path, moments, aspect, above)
 
-        best = seen((_ROOMS if indoor else _TOWN)[shot], far=shot == "opening")
-        if shot == "opening":
-            return best
-        if indoor:
-            other = seen(_BETWEEN_WALLS, _UP, above=self._above)
-        elif shot == "chase" or best.worth < 0.0:
-            # In narrow streets the only one that sees the robot.
-            follows = behind(path, self._structures.setting.chase)
-            follows = follows.past_walls(self._structures, path.places)
-            other = self._seen([follows], path, moments, aspect)
-        else:
-            return best
-        return max(best, other, key=lambda take: take.worth)
+        takes = [seen((_ROOMS if indoor else _TOWN)[shot])]
+        if indoor and shot == "chase":
+            takes.append(seen(_BETWEEN_WALLS, self._above))
+        return max(takes, key=lambda take: take.worth)
 
     def _seen(
         self,
@@ -349,24 +360,20 @@ class Story:
         path: SmoothPath,
         moments: Float,
         aspect: float,
-        far: bool = False,
         above: float = 0.0,
     ) -> _Take:
         """The best of camera paths: the robot on a path is visible, and most of the picture is lit.
 
-        Near ones are favoured, or far ones. Walls are cut higher than usual by some metres.
+        Walls are cut higher than usual by some metres.
         """
         tops = self._structures.heights if above else self._structures.tops
-        aways = np.array([track.aways[0] for track in tracks])
-        favoured = aways / aways.max() if far else aways.min() / aways
         eyes = np.array([track.at(moments).eyes() for track in tracks])
         robots = interpolated(moments, path.times, path.places)
         hidden = self._structures.hides(eyes, robots, self._timeline.run.radius, tops)
         # Those that show the robot the most.
         chosen = np.flatnonzero(hidden <= hidden.min() + _TOO_MUCH)
         lit = np.array([self._lit(tracks[k], moments[::4], aspect, tops) for k in chosen.tolist()])
-        worth = lit - _DARK_HALF * (lit < 0.5) + _FAVOURED * favoured[chosen]
-        worth -= _HIDDEN * hidden[chosen]
+        worth = lit - _DARK_HALF * (lit < 0.5) - _HIDDEN * hidden[chosen]
         best = int(np.argmax(worth))
         return _Take(tracks[int(chosen[best])], float(worth[best]), above)
 
@@ -398,13 +405,8 @@ class Story:
         mapped[number] = found["mapped"][number] <= np.repeat(now, count)[number]
         return float((down & seen).mean() + _MAPPED * (seen & mapped).mean())
 
-    def _between(
-        self, near: CameraPath, far: CameraPath, share: Float, streets: float = 0.0
-    ) -> CameraPath:
-        """Views on the way from a near to a far camera path, at shares (k,) 0…1 of it.
-
-        Half-way they look down by a further angle [rad].
-        """
+    def _between(self, near: CameraPath, far: CameraPath, share: Float) -> CameraPath:
+        """Views on the way from a near to a far camera path, at shares (k,) 0…1 of it."""
         # The distance grows exponentially.
         aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
         gap = far.aways - near.aways
@@ -418,7 +420,6 @@ class Story:
         steeps, shifts = (
             a + down * (b - a) for a, b in ((near.steeps, far.steeps), (near.shifts, far.shifts))
         )
-        steeps += np.sin(np.pi * down) * streets
         middles = near.middles + moved[:, None] * (far.middles - near.middles)
         return CameraPath(
             near.times, middles, near.turns + share * turned, steeps, aways, fields, shifts

@@ -34,8 +34,8 @@ _COMPARED = 120
 # Times around the moment at which a robot sees another [s].
 _AROUND = np.array([-1.0, 0.0, 1.0])
 
-# Shots that show the whole.
-_FROM_AFAR = ("rise", "whole", "end")
+# Shots that show the whole on the way to the end.
+_FROM_AFAR = ("rise", "whole")
 
 # Share of the pieces of false walls that the picture shows: the nearest.
 _NEAR = 0.8
@@ -54,7 +54,7 @@ class Subject(NamedTuple):
     moment: float | None = None
     # What is to be seen there besides the robot (n, 2), in the world [m].
     places: Float = np.zeros((0, 2))
-    # What is said of it.
+    # What is said of it, with the robots that it names by their numbers.
     proof: str = ""
     # From when on that is seen, fast [s of the run], if it is more than a moment.
     since: float | None = None
@@ -76,7 +76,7 @@ class Subject(NamedTuple):
 
 
 def beams_told(run: Shown, moment: Moment, playback: float, shot: str) -> list[TellingBeams]:
-    """The beams of a moment that tell the subject; from afar they would hide the map."""
+    """The beams of a moment that tell the subject; as the map is completed they would hide it."""
     told = moment.scanning and shot not in _FROM_AFAR and subject_of(run, playback).told
     return telling_beams(run, moment.scan) if told else []
 
@@ -162,15 +162,15 @@ def _robots(run: Shown, since: float) -> Subject | None:
     entered = float(run.trajectory.times[scans[first]])
     # Where they come from, and go to.
     there = np.array([path.at(entered + _AROUND)[:, :2] for path in others])
-    nearest = there[np.argmin(np.hypot(*(there[:, 1] - false[first].mean(axis=0)).T))]
+    nearest = int(np.argmin(np.hypot(*(there[:, 1] - false[first].mean(axis=0)).T)))
     return Subject(
         "To a laser, another robot is a wall",
         entered,
-        np.vstack([_nearest(run, scans[first], false[first]), nearest]),
-        "Here two robots see each other",
+        np.vstack([_nearest(run, scans[first], false[first]), there[nearest]]),
+        f"Here {{0}} meets {{{1 + nearest}}}",
         None,
         entered,
-        "The red wall is only the other robot",
+        "Red: a robot taken for a wall",
         told=True,
     )
 

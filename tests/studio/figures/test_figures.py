@@ -111,7 +111,9 @@ def test_the_headline_counts_what_is_drawn(run):
 def test_a_map_alone_and_no_map_at_all_are_drawn(run):
     assert shows(draw_map(run.map), object_tints(np.array([0]))[0], at_least=500)
     assert "0 segments in 0 objects" in texts(draw_map(LineMap.empty()))
-    assert draw_map(LineMap.empty(), points=np.ones((5, 2)), title="log").axes
+    assert "1 wall  ·  5 returns" in texts(
+        draw_map(LineMap.empty(), points=np.ones((5, 2)), world=World([[0, 0, 1, 1]]))
+    )
 
 
 def test_a_world_shows_beams_returns_route_and_robot(room_run):

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 from test_render import city_run, drawn, needs_gl
 
 from lrf3d.studio.figures.figures import draw_map
-from lrf3d.studio.figures.plot import CLOSED, DROPPED, estimate
+from lrf3d.studio.figures.plot import CLOSED, HIT, estimate
 from lrf3d.studio.scene.look import ESTIMATE_COLOUR
 
 RENDERERS = [pytest.param("gl", marks=needs_gl), "embree"]
@@ -60,7 +60,7 @@ def test_the_map_shows_both_paths_and_the_ellipses_and_loops_where_they_are_aske
     assert not lines(figure, CLOSED)
     estimate(run.estimate, figure.axes[0])
     places = run.estimate.poses[:, :2]
-    (closed,), (dropped,) = lines(figure, CLOSED), lines(figure, DROPPED)
+    (closed,), (dropped,) = lines(figure, CLOSED), lines(figure, HIT)
     assert closed == pytest.approx(places[[0, -1]]) and dropped == pytest.approx(places[[1, 2]])
     ellipses = [each for each in figure.axes[0].collections if isinstance(each, PolyCollection)]
     rings = [

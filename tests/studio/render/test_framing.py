@@ -13,6 +13,7 @@ from lrf3d.studio.render.film import Film, frame
 from lrf3d.studio.scene.found import hits_on, lost_after, missed_most
 from lrf3d.studio.scene.look import PLAN_BACK
 from lrf3d.studio.scene.moments import LAYERS, Scene
+from lrf3d.studio.scene.shots import SHOTS
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.timeline import Timeline
 from lrf3d.studio.scene.views import film_times
@@ -54,7 +55,7 @@ def test_no_half_of_a_picture_is_black_and_the_robot_is_in_its_middle_not_under_
         view = film._view(time)
         picture = film.draw(time)[:, : 160 - round(view.inset * film._strip), :3]
         assert (picture @ [0.3, 0.55, 0.15] < BLACK).mean() < 0.5, time
-        if view.shot in ("chase", "close"):
+        if view.shot in SHOTS:
             moment = film.timeline.moment(time)
             place = np.append(moment.pose[:2] - film.timeline.origin, [0.3, 1.0])
             x, y, _, w = view.matrix(160 / 90, 1000.0) @ place

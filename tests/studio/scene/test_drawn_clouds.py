@@ -8,6 +8,7 @@ from lrf3d.studio.gltf import run_glb
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import HEIGHT_COLOURS, draw_clouds
 from lrf3d.studio.scene.moments import Scene
+from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.timeline import Timeline
 
 
@@ -43,8 +44,10 @@ def test_scenes_and_glb_files_show_clouds_only_of_robots_with_a_lidar(run):
     for each, there in ((run, True), (plain, False)):
         scene = Scene(Timeline(each))
         view = Look(np.array([0, 0, 9.0]), np.zeros(3), 1.0, (0.0, 1.0, 0.0))
-        marks = dict(scene.seen(scene.timeline.moment(0.5), view, (64, 36)).marks)
-        assert ("clouds" in marks) == there
+        moment = scene.timeline.moment(0.5)
+        marks = dict(scene.seen(moment, view, (64, 36)).marks)
+        text = panel(each, moment, view, 1.0).text
+        assert ("clouds" in marks) == ("━ points of a lidar" in text) == there
 
 
 def test_hits_of_a_tilted_laser_are_drawn_where_they_are():

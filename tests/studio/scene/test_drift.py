@@ -129,6 +129,7 @@ def test_a_robot_that_a_map_takes_for_a_wall_is_the_subject_from_when_it_does():
     met = replace(run, obstacles=(other,), maps=(run.map, wrong), snapshot_scans=(0, last))
     subject = subject_of(met, 0.1)
     assert subject.moment == subject.until == run.trajectory.times[last]
+    assert subject.proof.format("robot 1", "robot 2") == "Here robot 1 meets robot 2"
     assert (np.abs(subject.places - 3.0) < 1.5).all()
     told = "beam that another robot stops", "beams that another robot stops"
     names = said(met)[-3:]

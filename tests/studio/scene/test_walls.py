@@ -14,7 +14,7 @@ from lrf3d.studio.scene.glass import Panes
 from lrf3d.studio.scene.look import SECTION
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.stage.exposure import unexposed
-from lrf3d.studio.scene.stage.stage import lay_faces
+from lrf3d.studio.scene.stage.stage import FURNITURE, ROOM_WALL, lay_faces
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.timeline import Timeline
 from lrf3d.world import World, load_world
@@ -72,3 +72,16 @@ def test_glass_has_clear_panes_and_glass_and_mirrors_have_bright_edges():
     mirror = Structures.from_world(World(walls, [0] * 4 + [1], materials=[None, "mirror"]))
     panes = Panes.of(mirror, SECTION)
     assert len(panes.corners) == 0 and len(panes.edges.starts) == 3
+
+
+def test_thick_outlines_are_walls_and_a_low_box_with_its_head_at_one_is_a_bed():
+    sides = [*box(0.0, 0.0, 8.0, 6.0), *box(0.2, 0.2, 7.6, 5.6)]
+    beds = [*box(0.3, 1.0, 2.0, 1.6), *box(4.0, 2.0, 2.0, 1.6)]
+    world = World([*sides, *beds], [*[0] * 8, *[1] * 4, *[2] * 4], heights=[2.5] * 8 + [0.8] * 8)
+    faces, walls, _ = laid(Structures.from_world(world, np.array([[3.0, 5.0]])))
+    kinds = np.floor(faces.skin[walls, 0, 3])
+    assert (kinds == np.where(faces.objects[walls] == 0, ROOM_WALL, FURNITURE)).all()
+    # A sheet in five parts, two pillows and a cover; the other box is a table of two triangles.
+    assert np.bincount(faces.objects[~walls])[1:].tolist() == [8, 2]
+    up = np.cross(*np.moveaxis(np.diff(faces.places[~walls, :3], axis=1), 1, 0))
+    assert (up[:, 2] > 0.0).all()

@@ -54,7 +54,6 @@ vec3 facade(vec3 day, float own, vec2 pixel, inout float keeps) {
     float bay = wall.x / bays, number = floor(along / bay), u = along - (number + 0.5) * bay;
     // What is finer than a pixel goes over to its mean.
     float near = clamp(1.6 - 2.2 * max(pixel.x / bay, pixel.y / STOREY), 0.0, 1.0);
-    day *= 1.0 - 0.16 * strip(v, 0.05, pixel.y) * step(0.5, level) * near;
     day *= 1.0 + 0.10 * strip(height - wall.y, 0.30, pixel.y);
     if (level >= storeys) return day;
     bool low = level < 0.5;
@@ -65,24 +64,23 @@ vec3 facade(vec3 day, float own, vec2 pixel, inout float keeps) {
     float middle = 0.5 * (base + top), high = 0.5 * (top - base);
     float frame = strip(u, wide + 0.12, pixel.x) * strip(v - middle, high + 0.12, pixel.y);
     float pane = strip(u, wide, pixel.x) * strip(v - middle, high, pixel.y);
-    // The upper part lies in the shadow of the lintel; a bar parts the pane.
-    float shade = 0.55 + 0.45 * smoothstep(0.0, 0.5, (top - v) / (top - base));
+    // A bar parts the pane.
     float bar = door ? 0.0 : strip(u, 0.035, pixel.x) * clamp(0.05 / pixel.x, 0.0, 1.0);
-    vec3 dark = door ? vec3(0.44, 0.33, 0.25) : vec3(0.26, 0.30, 0.36) * shade + vec3(0.0, 0.012, 0.03);
-    float sill = door ? 0.0 : strip(u, wide + 0.20, pixel.x) * strip(v - base + 0.14, 0.05, pixel.y);
+    vec3 dark = door ? vec3(0.44, 0.33, 0.25) : vec3(0.22, 0.27, 0.34);
     day = mix(day, day * 1.10, frame * near);
     day = mix(day, day * dark, pane * (1.0 - 0.75 * bar));
     keeps = 1.0 - 0.25 * pane * near;
-    return day * (1.0 + 0.14 * near * sill);
+    return day;
 }
 
 // A skirting, and frames where a wall ends free.
-vec3 room_wall(vec3 day, float kind, vec2 pixel) {
+vec3 room_wall(vec3 day, float kind, vec2 pixel, inout float keeps) {
     bool starts = kind == 3.0 || kind == 5.0, ends = kind > 3.5;
     float off = min(starts ? along : 9.0, ends ? wall.x - along : 9.0);
     float frame = clamp(0.5 + (0.09 - off) / pixel.x, 0.0, 1.0);
     float board = clamp(0.5 + (0.085 - height) / pixel.y, 0.0, 1.0);
     day = mix(day, day * vec3(0.60, 0.55, 0.50), board);
+    keeps = 1.0 - 0.7 * frame;
     return mix(day, day * vec3(0.62, 0.48, 0.36), frame);
 }
 
@@ -125,7 +123,7 @@ vec3 dressed(vec3 day, inout float keeps) {
     // Only in towns no light falls on tops. All branches would be computed for each pixel, were
     // this not a constant.
     if (TOP_LIT == 0.0) return facade(day, own, pixel, keeps);
-    if (kind < 5.5) return room_wall(day, kind, pixel);
+    if (kind < 5.5) return room_wall(day, kind, pixel, keeps);
     if (wall.y > 1.3 && wall.x > 3.5) return rack(day, own, pixel, keeps);
     return wall.x > 0.5 ? cupboard(day, pixel) : day;
 }

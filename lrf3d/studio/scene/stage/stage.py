@@ -18,6 +18,7 @@ from lrf3d.studio.scene.look import SUN, WALL_LIGHT, WHITE
 from lrf3d.studio.scene.shapes import GroundPicture, Painted, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure, expose, unexposed
+from lrf3d.studio.scene.stage.furniture import bedding, is_furniture, is_wooden
 from lrf3d.studio.scene.stage.structures import Structures
 
 # What walls show: nothing, windows and doors, skirting and frames, or shelves and drawers. For the
@@ -26,6 +27,12 @@ PLAIN = 0.0
 FACADE = 1.0
 ROOM_WALL = 2.0
 FURNITURE = 6.0
+
+# Factors of the colour of tops of wood.
+_WOOD = np.array([1.12, 0.84, 0.58])
+
+# Largest length of the end of such a wall, at a door [m].
+_JAMB = 0.45
 
 # Least height of houses with windows [m].
 _WINDOWS_FROM = 3.5
@@ -47,9 +54,6 @@ _LEAST = 1e-7
 
 # Largest number of walls that show reflections: each takes the time of a picture.
 _MOST_MIRRORS = 4
-
-# Distance that a street reaches past the houses of a town [m].
-STREET = 8.0
 
 # Width of the pavement round houses [m].
 PAVEMENT = 1.7
@@ -165,15 +169,20 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
         _skins(structures, number, segments),
         structures.objects[number],
     )
-    corners, owner = triangles(structures.solids)
-    level = corners[:, [0, 1, 2, 2]]
-    count = len(corners)
+    quads, beds, tints = bedding(structures)
+    plain = structures.solids.copy()
+    plain[beds] = shapely.Polygon()
+    corners, owner = triangles(plain)
+    level = np.concatenate([corners[:, [0, 1, 2, 2]], quads])
+    tints = np.concatenate([np.where(is_wooden(structures)[owner, None], _WOOD, 1.0), tints])
+    owner = np.append(owner, beds)
+    count = len(owner)
     high = np.broadcast_to(structures.solid_heights[owner, None], (count, 4))
-    light = even + sunny * sun_up
+    light = (even + sunny * sun_up) * tints
     objects = structures.solid_objects[owner]
     roofs = Painted(
         single(np.dstack([level, high])),
-        single(np.repeat(light * structures.solid_colours[owner, None], 4, axis=1)),
+        single(np.repeat((light * structures.solid_colours[owner])[:, None], 4, axis=1)),
         np.zeros((count, 4, 3), np.float32),
         np.zeros((count, 4, 4), np.float32),
         objects,
@@ -203,8 +212,11 @@ def _skins(structures: Structures, number: Int, segments: Float) -> Single:
     own = _OWN * np.mod(structures.objects[number] * _GOLDEN, 1.0)
     if structures.indoor:
         # A wall of a room whose end is free ends at an opening.
-        free = [_meeting(structures, each) < 2 for each in np.moveaxis(ends, 1, 0)]
-        kind = np.where(closed, FURNITURE, ROOM_WALL + free[0] + 2.0 * free[1])
+        jamb = closed & (lengths(whole) < _JAMB)
+        free = [jamb | (_meeting(structures, each) < 2) for each in np.moveaxis(ends, 1, 0)]
+        standing = structures.solid_objects[is_furniture(structures)]
+        kind = ROOM_WALL + free[0] + 2.0 * free[1]
+        kind[np.isin(structures.objects[number], standing)] = FURNITURE
     else:
         kind = np.where(closed & (tops > _WINDOWS_FROM), FACADE, PLAIN)
     columns = lengths(whole), tops, kind + own
