@@ -4,7 +4,7 @@ from functools import partial
 
 import pytest
 from browser import needs_browser, opened, served
-from PIL import Image, ImageOps
+from PIL import Image, ImageDraw, ImageOps
 from waiting import until
 
 from lrf3d.plans.edits import read_edits
@@ -174,3 +174,22 @@ def test_a_drag_of_the_threshold_is_one_step(tmp_path, chromium):
         page.mouse.up()
         page.keyboard.press("Control+z")
         until(partial(threshold_is, None))
+
+
+@needs_browser
+def test_furniture_that_was_left_out_of_a_picture_is_made_solid_by_a_click_and_a_key(
+    tmp_path, chromium
+):
+    path = tmp_path / "flat.png"
+    picture = ImageOps.expand(Image.new("L", (160, 120), 255), 4, 0)
+    ImageDraw.Draw(picture).rectangle((40, 40, 56, 50), 225)
+    picture.save(path)
+    journal = tmp_path / "flat.png.edit.toml"
+    with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
+        # The page begins with the question of the scale.
+        until(lambda: page.evaluate("Boolean(editor.sheet.picture)"))
+        page.keyboard.press("v")
+        click(page, *page.evaluate("[48, 83].map((pixels) => pixels * editor.sheet.plan.unit)"))
+        page.keyboard.press("2")
+        (box,) = kept(page, journal)["wall"]
+        assert box["closed"] and box["height"] == 0.8 and len(box["points"]) == 4

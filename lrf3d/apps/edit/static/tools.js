@@ -4,6 +4,7 @@ import { COLOURS } from "./sheet.js";
 
 const LOW = 1.25; // Height below which a wall that was drawn is one of furniture [m].
 const REACH = 9; // Distance within which something is pointed at [pixels].
+const BELOW = 2; // Distance by which what stands may be farther than what is left out [pixels].
 const away = ([x1, y1], [x2, y2]) => Math.hypot(x2 - x1, y2 - y1);
 const rounded = (point) => point.map((each) => Math.round(1e4 * each) / 1e4);
 const metres = (length) => `${length.toFixed(2)} m`;
@@ -48,14 +49,16 @@ export class Finder {
 
   // The nearest stroke to a point [m], of those that fit.
   stroke(point, fits = () => true) {
-    const { strokes, kinds, ox, oy } = this.sheet.plan;
+    const { strokes, kinds, heights, ox, oy } = this.sheet.plan;
+    const { scale } = this.sheet.view;
     const [x, y] = [point[0] - ox, point[1] - oy];
-    let [best, least] = [-1, REACH / this.sheet.view.scale];
+    let [best, least] = [-1, REACH / scale];
     for (let row = 0; row < kinds.length; row += 1) {
       const [x1, y1, x2, y2] = [strokes[4 * row], strokes[4 * row + 1], strokes[4 * row + 2], strokes[4 * row + 3]];
       if (Math.min(x1, x2) - least > x || Math.max(x1, x2) + least < x || Math.min(y1, y2) - least > y || Math.max(y1, y2) + least < y) continue;
-      const off = away([x, y], foot([x, y], [x1, y1], [x2, y2]));
-      // Of two at one place the last one is on top.
+      // What is left out lies below what stands. Of two at one place the last one is on top.
+      const below = heights[row] > 0 ? 0 : BELOW / scale;
+      const off = away([x, y], foot([x, y], [x1, y1], [x2, y2])) + below;
       if (off <= least && fits(row)) [best, least] = [row, off];
     }
     return best;
