@@ -250,6 +250,8 @@ export function makeTools(editor) {
 
   const boxed = (from, to) => [from, [to[0], from[1]], to, [from[0], to[1]]];
 
+  const hasArea = (from, to) => Math.min(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1])) >= 0.05;
+
   // Tools that take points until Enter, or until a line comes back to its beginning. Some keep what is drawn when they are left.
   const polyline = (keep, least, closes, word, { alone = "", keeps = false }) => ({
     points: [],
@@ -262,7 +264,8 @@ export function makeTools(editor) {
       if (keeps) this.finish(false);
     },
     at(event) {
-      const last = this.points.at(-1);
+      // The corner across from the first one lies in any direction from it.
+      const last = this.drags(event) ? undefined : this.points.at(-1);
       let { point, to } = event.altKey ? { point: event.point, to: "" } : finder.snap(event.point, last, this.points.at(-2));
       const first = this.points[0];
       if (first && this.points.length >= 3 && away(event.point, first) < (REACH + 2) / sheet.view.scale) [point, to] = [first, "close"];
@@ -288,8 +291,9 @@ export function makeTools(editor) {
     },
     // An area may be dragged from corner to corner, too.
     up(event) {
-      if (this.drags(event)) {
-        this.points = boxed(this.points[0], this.at(event).point);
+      const { point } = this.at(event);
+      if (this.drags(event) && hasArea(this.points[0], point)) {
+        this.points = boxed(this.points[0], point);
         this.finish(true);
       }
       this.pressed = null;
@@ -370,7 +374,7 @@ export function makeTools(editor) {
     finish() {
       const { from, to } = this;
       this.start();
-      if (Math.min(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1])) < 0.05) return;
+      if (!hasArea(from, to)) return;
       editor.change(`${what} drawn`, (edits) => (edits.wall ??= []).push({ points: boxed(from, to).map(rounded), closed: true, ...style() }));
     },
     draw(context) {
@@ -397,13 +401,14 @@ export function makeTools(editor) {
       stays,
       says() {
         if (this.one && exists(this.one)) return named(this.one);
-        if (this.thing) return `${boxSize(this.thing)} left out: click it, then 2 makes it furniture`;
-        return this.over >= 0 ? editor.described(this.over) : "";
+        const thing = this.thing ? `${boxSize(this.thing)} left out: click it, then 2 makes it furniture` : "";
+        return [this.over >= 0 && editor.described(this.over), thing].filter(Boolean).join(" · ");
       },
       down(event) {
         const row = finder.stroke(event.point);
         const one = decided(event.point, row, true);
-        const thing = one ? null : thingAt(event.point, row);
+        // With Shift strokes are picked one after another, furniture or not.
+        const thing = one || event.shiftKey ? null : thingAt(event.point, row);
         const whole = one?.table === "wall" && event.twice && { one: { table: "wall", number: one.number } };
         if (whole) return editor.pick(whole);
         if (one && one.place !== undefined) return (this.drag = { one, edits: structuredClone(sheet.plan.edits) });
