@@ -11,7 +11,7 @@ MICRO = 1e-6
 # A nanosecond [s].
 NANO = 1e-9
 
-# Units other than metres in which plans and meshes are made, by their size [m].
+# Units of lengths other than metres, by their size [m].
 METRES = {"mm": MILLI, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "km": 1000.0}
 INCH = METRES["in"]
 FOOT = METRES["ft"]
@@ -19,7 +19,7 @@ FOOT = METRES["ft"]
 # Units of times; the first one of each kind is that of lrf3d.
 TIMES = {"s": 1.0, "ms": MILLI, "us": MICRO, "ns": NANO, "days": 86400.0}
 
-# Units of lengths.
+# Units of the lengths in recordings.
 LENGTHS = {
     "m": 1.0,
     "cm": METRES["cm"],

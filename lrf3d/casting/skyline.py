@@ -254,11 +254,13 @@ def cast_lidar(
         _cast_fans(walls, standing, lidar, pose[None], ranges[None], hits)
     else:
         times = moment.time + lidar.planar.delays
-        rays = np.empty(lidar.columns, RAY)
+        rays: Records | None = None
         if motion is not None:
+            rays = np.empty(lidar.columns, RAY)
             rays_from(fan[0], swept(lidar, pose, motion), times, rays[None])
-        along = (fan, pose, times) if motion is None else None
-        ranges, hits = _columns(walls, standing, rays, z, layers, along, moment.obstacles)
+        ranges, hits = _columns(
+            walls, standing, rays, z, layers, (fan, pose, times), moment.obstacles
+        )
     return (ranges.T, hits.T) if back is None else (ranges.T[back], hits.T[back])
 
 
@@ -273,8 +275,7 @@ def _cast_tilted(
     if motion is None:
         layers, order, fan = _sorted_beams(lidar)
         along = fan, pose, times[order % lidar.columns]
-        rays = np.empty(len(order), RAY)
-        found = _columns(walls, standing, rays, z, layers, along, crowd)
+        found = _columns(walls, standing, None, z, layers, along, crowd)
         ranges, hits = (np.empty(len(order), each.dtype) for each in found)
         ranges[order], hits[order] = (each.ravel() for each in found)
         return ranges.reshape(shape), hits.reshape(shape)
@@ -394,29 +395,30 @@ def rays_along(pose: Sequence[Any] | Float, beams: Float, times: Float | float =
 
 
 def _columns(
-    walls: StandingWalls, standing: Plain, rays: Records, z: float, layers: Layered,
-    fan: tuple[Plain, Float, Float] | None = None, crowd: Crowd | None = None,
+    walls: StandingWalls, standing: Plain, rays: Records | None, z: float, layers: Layered,
+    fan: tuple[Any, ...] = (), crowd: Crowd | None = None,
 ) -> tuple[Float, Rows]:  # fmt: skip
-    """Ranges and walls (columns, layers) along rays (columns,), or along a fan at a pose.
+    """Ranges and walls (columns, layers) along rays (columns,), or along a fan if rays are None.
 
-    A fan has the times of its beams, and only the number of the rays counts.
+    A fan is given with its pose and the times of its beams.
     """
     slopes = layers.plain[0]
     eye = z, *layers.extent
     limits = slopes[:, [0, -1]]
-    count = len(rays)
+    count = len(fan[2]) if rays is None else len(rays)
     directions = walls.reused("directions", (2, count + PADDING), np.float64)
     while True:
         skies = walls.skies(count)
-        if fan is not None:
-            fits = raise_fan(standing, *fan[:2], directions, eye, skies)
+        if rays is None:
+            fits = raise_fan(standing, fan[0], fan[1], directions, eye, skies)
         else:
             fits = raise_rays(standing, rays, eye, limits, skies)
             directions[:, :count] = rays["dx"], rays["dy"]
         if crowd:
-            if fan is not None:
-                rays = records(RAY, *fan[1][:2], *directions[:, :count], fan[2])
-            near = crowd.as_seen(rays)
+            beams = (
+                records(RAY, *fan[1][:2], *directions[:, :count], fan[2]) if rays is None else rays
+            )
+            near = crowd.as_seen(beams)
             fits = raise_obstacles(crowd.near, crowd.own, near, eye, limits, skies) and fits
         if fits:
             break
@@ -424,7 +426,7 @@ def _columns(
     shape = (count, slopes.shape[1])
     ranges = walls.reused("ranges", shape, np.float64)
     hits = walls.reused("hits", shape, np.int32)
-    places = np.column_stack([rays["x"], rays["y"]]) if fan is None else fan[1][None]
+    places = fan[1][None] if rays is None else np.column_stack([rays["x"], rays["y"]])
     read_layers(places, directions, z, layers.plain, skies, ranges, hits)
     walls.keep(skies)
     return ranges, hits

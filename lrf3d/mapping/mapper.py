@@ -53,8 +53,17 @@ def _robust(limits: Thresholds) -> Any:
 # The modes of the mapper; others may be entered, which world files and sweeps then have, too.
 MODES = {"paper": Mode(_paper, 0.1, 0.5, 2), "robust": Mode(_robust, 0.5, 0.0, 4)}
 
-# [m] Largest value of a length among the settings: farther than range finders measure.
-_MOST = 1e3
+# [m] Largest gap and split: larger ones would join all returns of a scan.
+_MOST_GAP = 1e6
+
+# [m] Largest standard deviation of a range.
+_MOST_NOISE = 1e3
+
+# [m] Largest values of the settings: larger ones would merge all walls of a place.
+MOST = {
+    "gap": _MOST_GAP, "split": _MOST_GAP, "merge_length": 100.0, "merge_distance": 10.0,
+    "floor": _MOST_NOISE, "sigma": _MOST_NOISE,
+}  # fmt: skip
 
 # [m] Part of the default split and merge_distance that does not depend on the noise.
 _TOLERANCE = 0.1
@@ -110,7 +119,7 @@ class LineMapper:
             raise InputError(f"mapper mode {shown(mode)}: expected one of {', '.join(MODES)}")
         usual = MODES[mode]
         sigma = SIGMA if sigma is None else sigma
-        number(sigma, "mapper: sigma", "metres", most=_MOST)
+        number(sigma, "mapper: sigma", "metres", most=MOST["sigma"])
         split = _TOLERANCE + 1.5 * sigma if split is None else split
         self._settings = (
             f"{mode!r}, {gap=}, {split=}, {merge_length=}, {merge_distance=}, {sigma=}, {floor=},"
@@ -124,7 +133,7 @@ class LineMapper:
         }  # fmt: skip
         # Compiled code is made for floats alone.
         known = {
-            name: number(value, f"mapper: {name}", "metres", positive=True, most=_MOST)
+            name: number(value, f"mapper: {name}", "metres", positive=True, most=MOST[name])
             for name, value in limits.items()
         }
         least = usual.min_points if min_points is None else min_points

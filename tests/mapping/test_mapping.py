@@ -157,14 +157,15 @@ def test_a_reach_beyond_what_beams_hit_means_no_return(mode, reach):
 
 def test_a_very_large_noise_still_makes_a_map():
     scans = scans_of(CORNER, [(0.1 * k, 0, 0) for k in range(12)], LRF, 20.0)
-    assert np.isfinite(map_of(scans, LineMapper(sigma=20.0)).segments).all()
+    assert np.isfinite(map_of(scans, LineMapper(sigma=20.0, gap=5e3, split=5e3)).segments).all()
 
 
 @pytest.mark.parametrize(
     "settings",
     [
         {"merge_length": 1e9}, {"sigma": "a"}, {"min_points": 2.5}, {"gap": 0.0}, {"split": -1.0},
-        {"merge_length": np.nan}, {"mode": "best"},
+        {"merge_length": np.nan}, {"mode": "best"}, {"merge_length": 101.0},
+        {"merge_distance": 11.0}, {"sigma": 1001.0}, {"gap": 1e7},
     ],
 )  # fmt: skip
 def test_settings_out_of_reason_are_refused_in_one_line(settings):

@@ -48,9 +48,6 @@ _RESULTS = (
 
 def draw_figure(what: str, *parts: Any, **options: Any) -> None:
     """Draw a figure; matplotlib is loaded when results are done, whose memory is free by then."""
-    artist: Any = load("matplotlib.artist:Artist")
-    # Signatures of setters, which only people read, take a quarter of the time of loading.
-    artist._update_set_signature_and_docstring = lambda: None
     load(f"lrf3d.studio.figures.figures:draw_{what}")(*parts, **options)
 
 

@@ -72,6 +72,10 @@ EMPTY = -(2**62)
 # Initial capacity in squares and in walls.
 LEAST = 256
 
+# [squares] A map with less room than this grows fourfold, as copies take long: it takes 0.4 GB.
+# Larger ones grow twofold: some systems refuse room that is far more than what is taken.
+LARGE = 4096
+
 
 # The returns in one cell that came the same way.
 CLUSTER = record(
@@ -143,8 +147,9 @@ class Cells(NamedTuple):
         )  # fmt: skip
 
     def enlarged(self) -> "Cells":
-        """The same with room for four times as many: copies take long."""
-        grown = Cells.of_size(4 * len(self.blocks))
+        """The same with more room."""
+        size = len(self.blocks)
+        grown = Cells.of_size(4 * size if size < LARGE else 2 * size)
         taken = self.counters[0]
         grown.blocks[: taken.squares] = self.blocks[: taken.squares]
         for name in ("passes", "passed", "heads"):
@@ -225,7 +230,7 @@ def take_block(cells: Cells, column: int, row: int) -> int:
 
 @compiled
 def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool:
-    """Make the squares around all hits of a scan from a place [m]; False if there is no room."""
+    """Count a scan from a place [m] and make the squares around its hits; False without room."""
     side = CELL * (1 << SQUARE_BITS)
     before_x = 1 << 40
     before_y = 0
@@ -249,6 +254,7 @@ def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool
                     cells.keys[slot] = (near_x << 31) + near_y
                     cells.squares[slot] = counters.squares
                     counters.squares += 1
+    counters.scans += 1
     return True
 
 

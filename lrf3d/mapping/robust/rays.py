@@ -88,8 +88,6 @@ def add_beams(
     """
     ranges = beams.ranges
     counters = cells.counters[0]
-    if begin == 0:
-        counters.scans += 1
     side = (1 << SQUARE_BITS) - 1
     for beam in range(begin, len(ranges)):
         reading = ranges[beam]

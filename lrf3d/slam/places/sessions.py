@@ -3,7 +3,7 @@
 A map and a log enter. The poses of the log on the map leave, without a first guess.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,9 @@ import numpy as np
 
 from lrf3d.base.errors import InputError, shown
 from lrf3d.base.interrupts import Progress, check, silent, stoppable
-from lrf3d.geometry.lines import Bool, Float
+from lrf3d.geometry.lines import Bool, Float, Records
 from lrf3d.geometry.pose import bent, between, compose
+from lrf3d.matching.likelihood import some
 from lrf3d.recordings import LaserLog, load_run
 from lrf3d.recordings.reading import is_run
 from lrf3d.recordings.repair.repairs import LOCALISING, repair
@@ -137,29 +138,31 @@ def localise_log(
     front = np.array([tracked.pose for tracked in tracker.tracked])
     poses = np.full((len(log), 3), np.nan)
     parts: list[Stretch] = []
+    placed: dict[int, Float] = {}
     for found in search.found:
         first = parts[-1].last + 1 if parts else 0
         path = {k: pose for k, pose in sorted(found.path.items()) if k >= first}
         if not path:
             continue
+        placed.update(path)
         begin = min(path)
         part = slice(begin, found.last + 1)
         poses[part] = bent(front[part], np.array([*path]) - begin, np.array([*path.values()]))
         carried = bool(parts) and _is_carried(front, poses, parts[-1].last, begin)
         parts.append(Stretch(begin, found.last, found.probability, carried))
-    return LocalisedLog(log, poses, tuple(parts), search.probability, _map_scale(places, search))
+    return LocalisedLog(
+        log, poses, tuple(parts), search.probability, _map_scale(places, placed, search.hits)
+    )
 
 
-def _map_scale(places: KnownPlaces, search: PlaceSearch) -> float:
-    """How many times larger a map is than what the scans show that were found on it."""
-    placed = [
-        (pose, search.hits[number]) for found in search.found for number, pose in found.path.items()
-    ]
+def _map_scale(
+    places: KnownPlaces, placed: Mapping[int, Float], hits: Mapping[int, Records]
+) -> float:
+    """How many times larger a map is than what scans show, by their poses on it and their hits."""
     if not placed:
         return 1.0
-    chosen = np.linspace(0, len(placed) - 1, min(len(placed), SCALED)).astype(np.int64)
-    poses, scans = zip(*(placed[k] for k in chosen), strict=True)
-    return places.scale(np.array(poses), scans)
+    numbers = some(np.array([*placed]), SCALED)
+    return places.scale(np.array([placed[k] for k in numbers]), [hits[k] for k in numbers])
 
 
 def _is_carried(front: Float, poses: Float, last: int, begin: int) -> bool:

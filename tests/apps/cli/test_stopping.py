@@ -31,7 +31,7 @@ COMMANDS = {
     "render": ["render", "READY", *FILM, "1", "--out", "OUT/film.mp4"],
     "map": ["map", "LOG", "--out", "OUT"],
     "slam": ["slam", "LOG", "--out", "OUT"],
-    "sweep": ["sweep", "WORLD", "--seeds", "2", "--mapper", "robust", "--sigma", "0.1",
+    "sweep": ["sweep", "WORLD", "--seeds", "4", "--mapper", "robust", "--sigma", "0.1",
               "--workers", "2", "--out", "OUT"],
     "export": ["export", "READY", "--to", "glb", "--every", "2", "--out", "OUT/run.glb"],
     "view": ["view", "READY", "--no-browser"],

@@ -72,7 +72,7 @@ def test_the_card_of_several_robots_counts_the_walls_of_all_also_where_no_map_fi
     view = Look(np.zeros(3), np.ones(3), 1.0, shot=shot)
     head, *each = film._label(film.timeline.moment(film.timeline.end), view).text
     assert not film.maps and head.startswith("2 maps together: ")
-    assert [words[:14] for words in each] == ["━ Robot 1 alon", "━ Robot 2 alon"]
+    assert [words.partition(":")[0] for words in each] == ["━ Robot 1 alone", "━ Robot 2 alone"]
 
 
 def test_walls_that_many_scans_hit_are_missed_without_a_reason():
