@@ -17,7 +17,7 @@ from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
-from lrf3d.studio.scene.drift import GHOST_COLOUR, Drift
+from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, Drift
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
@@ -153,17 +153,17 @@ def _card(run: Run, playback: float) -> Label:
     subject = subject_of(run, playback)
     told = [(subject.found, INK)] * bool(subject.found)
     colour = PALE if told else INK
-    return _label([*told, (found, colour), *missed, *_drifted(run), (rest, PALE)])
+    drifted = [(words, whole(tint)) for words, tint in _drifted(run, np.inf)]
+    return _label([*told, (found, colour), *missed, *drifted, (rest, PALE)])
 
 
-def _drifted(run: Run) -> list[tuple[str, tuple[int, int, int]]]:
-    """Words on the loops of a run, and on how far its odometry drifted without them."""
+def _drifted(run: Run, time: float) -> list[tuple[str, look.Colour]]:
+    """The names of the path by odometry alone, and of how far it is off at a time [s]."""
     drift = _drift_of(run)
-    if drift is None or run.estimate is None:
+    if drift is None:
         return []
-    loops = f"{counted(len(run.estimate.closures), 'time')} at a known place again"
-    alone = f"━ Odometry alone ends {metres(drift.off(np.inf))} off"
-    return [(alone, whole(GHOST_COLOUR)), (loops, PALE)]
+    gap = metres(drift.off(time - run.trajectory.times.min()))
+    return [("━ odometry alone", GHOST_COLOUR), (f"━ gap {gap}", GAP_COLOUR)]
 
 
 def _trails(
@@ -178,10 +178,12 @@ def _trails(
         colours = [look.TRAIL_COLOUR, *(colour for _, colour in others)]
         names = robot_names(run.obstacles, robots)
         found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
-    if (drift := _drift_of(run)) is not None:
-        off = metres(drift.off(moment.time - run.trajectory.times.min()))
-        found.append((f"━ odometry alone  {off} off", GHOST_COLOUR))
+    found += _drifted(run, moment.time)
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
+    gone = false_after(run, moment.mapped) and not false_after(run, len(run) - 1)
+    # Of a mirror or of other robots more is said.
+    if gone and not others and subject_of(run, playback).aim is None:
+        found.append(("━ not a wall: later scans remove it", look.FALSE_COLOUR))
     red, green, blue = HEIGHT_COLOURS[1].tolist()
     found += [("━ points of a lidar", (red, green, blue))] * bool(run.cloud_sensors.lidars)
     return [(words.rstrip(), whole(colour)) for words, colour in found]
