@@ -181,8 +181,8 @@ def _trails(
     found += _drifted(run, moment.time)
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
     gone = false_after(run, moment.mapped) and not false_after(run, len(run) - 1)
-    # Of a mirror or of other robots more is said.
-    if gone and not others and subject_of(run, playback).aim is None:
+    # What else is red is the subject.
+    if gone and not (others or subject_of(run, playback).proof):
         found.append(("━ not a wall: later scans remove it", look.FALSE_COLOUR))
     red, green, blue = HEIGHT_COLOURS[1].tolist()
     found += [("━ points of a lidar", (red, green, blue))] * bool(run.cloud_sensors.lidars)
