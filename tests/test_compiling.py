@@ -8,13 +8,16 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lrf3d.base.errors import Lrf3dWarning
-from lrf3d.compiling import borrower, cache
+from lrf3d.casting.kernels import beams, tree
+from lrf3d.compiling import LANES, borrower, by_lanes, cache, compiled
 from lrf3d.compiling.cache import stamp_of
+from lrf3d.compiling.formulas import _in_python
 from lrf3d.geometry.lines import Float
 from test_kernel_results import kernels
 
@@ -158,6 +161,7 @@ def test_each_kernel_has_the_same_stamp_in_each_process():
         (np.zeros(2), np.zeros((2, 1))), (np.zeros((2, 2)), np.zeros((2, 2), order="F")),
         (np.dtype("u1,f8"), np.dtype("u1,f8", align=True)), (math.sin, math.cos),
         (np.sin, np.cos), (np.sort, np.argsort), (lambda: 1, lambda: 2), (object(), object()),
+        (by_lanes(lambda row, by, limit: row), by_lanes(lambda row, by, limit: row[0])),
     ],
 )  # fmt: skip
 def test_constants_that_differ_give_different_stamps(one, other):
@@ -165,6 +169,34 @@ def test_constants_that_differ_give_different_stamps(one, other):
         return lambda: constant
 
     assert stamp_of(using(one)) != stamp_of(using(other))
+
+
+@compiled
+def by_vectors(columns: Float, plain: Any, limit: float, bounds: Float, entries: Float) -> Any:
+    beam = beams.Beam(*plain)
+    way = tree.way_of(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
+    walls = beams.sift(columns, 1, beam, limit, bounds)
+    return walls, tree.boxes_met(columns, 1, way, limit, entries)
+
+
+@pytest.mark.parametrize("direction", [(0.6, 0.8), (-1.0, 0.0), (-0.0, 1.0), (1e-300, -1.0)])
+def test_formulas_have_the_same_bits_in_vectors_and_in_python(direction):
+    # Beams along sides and through corners, as coordinates are small integers.
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        columns = np.sort(rng.integers(-3, 4, (4, LANES + 1)).astype(float), axis=0)
+        plain = (*rng.integers(-3, 4, 2).astype(float), *direction)
+        found = np.empty((2, 2 * LANES))
+        expected = found.copy()
+        met = by_vectors(columns, plain, 3.0, *found)
+        beam = beams.Beam(*map(np.float64, plain))
+        with np.errstate(divide="ignore"):
+            way = tree.Way(*plain[:2], 0.0, 0.0, *(1.0 / (np.array(direction) + 0.0)))
+        bits = _in_python(beams._bounds, columns, 1, beam, 3.0, expected[0])
+        assert met[0] == bits
+        assert met[1] == _in_python(tree._reaches, columns, 1, way, 3.0, expected[1])
+        np.testing.assert_array_equal(found[0], expected[0])
+        np.testing.assert_array_equal(found[1][:LANES], expected[1][:LANES])
 
 
 class Terminal(io.StringIO):

@@ -33,7 +33,7 @@ from lrf3d.geometry.lines import (
     Float,
     Int,
     Records,
-    as_rows,
+    as_table,
     sealed,
 )
 from lrf3d.geometry.pose import Pose, as_pose, as_poses
@@ -166,13 +166,10 @@ class PlanarCaster:
             >>> ranges.tolist(), walls.tolist()
             ([3.0, inf], [0, -1])
         """
-        starts = as_rows(origins, "origins", 2)
-        ways = as_rows(directions, "directions", 2)
+        starts = as_table(origins, "origins", 2)
+        ways = as_table(directions, "directions", 2)
         if len(starts) != len(ways):
             raise InputError(f"{len(starts)} origins, {len(ways)} directions: expected as many")
-        tiny = np.abs(ways) < TINY
-        if (short := tiny[:, 0] & tiny[:, 1]).any():
-            raise InputError(f"direction {int(np.argmax(short))}: it has no length")
         return self.trace(lrf or UNLIMITED, records(RAY, *starts.T, *ways.T, 0.0))
 
     def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
@@ -186,12 +183,22 @@ class PlanarCaster:
         walls = np.empty(len(rays), np.int64)
         tree = self._plain(lrf.height)
         limits = (float(lrf.range_min), float(lrf.range_max))
+        invalid = []
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
-            cast_rays(tree, limits, rays[part], NO_GUESSES, ranges[part], walls[part])
+            first = cast_rays(tree, limits, rays[part], NO_GUESSES, ranges[part], walls[part])
+            if first >= 0:
+                invalid.append(start + first)
 
         share(work, len(rays), MANY)
+        if invalid:
+            first = min(invalid)
+            x, y, dx, dy, _ = rays[first]
+            raise InputError(
+                f"ray {first} from {(x, y)} along {(dx, dy)}: expected finite numbers of at most"
+                f" {LARGEST_COORDINATE:g}, and a direction with a length"
+            )
         return ranges, walls
 
     def chains(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Int:

@@ -21,10 +21,12 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import ir
 from llvmlite.binding import add_symbol, get_host_cpu_features, parse_assembly
 from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
 from numba.core.runtime._nrt_python import c_helpers
 from numba.core.serialize import dumps
 
@@ -124,6 +126,8 @@ def _value(value: Any, names: Set[str], functions: list[Any], within: tuple[Any,
     if isinstance(value, Dispatcher):
         options = sorted(value.targetoptions.items())
         return "kernel", _place(value.py_func, functions), repr(options)
+    if isinstance(value, _Intrinsic):
+        value = value._defn
     if isinstance(value, FunctionType):
         if value.__module__.split(".")[0] in ("numpy", "numba"):
             return value.__module__, value.__qualname__
@@ -143,6 +147,8 @@ def _constant(value: Any) -> Any:
     """A description of a value that uses no others: see `_value`."""
     if isinstance(value, _SCALARS):
         return type(value).__name__, repr(value)
+    if isinstance(value, ir.Type):
+        return str(value)
     if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
         return repr(value.dtype), value.shape, value.strides, sha256(value.tobytes()).hexdigest()
     if type(value) in _NAMED:

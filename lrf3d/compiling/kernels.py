@@ -34,6 +34,7 @@ from numba.core.untyped_passes import (
 
 from lrf3d.base.errors import Lrf3dError, storage
 from lrf3d.compiling.cache import KernelCache
+from lrf3d.compiling.formulas import Lanes
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
@@ -243,6 +244,7 @@ _COMPILERS = tuple(
     function
     for function in (
         *(compiled, inner, borrower, _kernel),
+        *vars(Lanes).values(),
         *vars(_KernelLibrary).values(),
         *vars(_InnerLibrary).values(),
         *vars(_KernelCompiler).values(),

@@ -110,13 +110,19 @@ def numbers(values: Any, name: str) -> Any:
     raise InputError(f"{name}: expected numbers in rows of equal length, found {shown(values)}")
 
 
-def as_rows(values: Any, name: str, columns: int, *, least: int = 0, row: str = "row") -> Float:
-    """Values from outside as rows (n, columns) of finite numbers, at least a number of them."""
+def as_table(values: Any, name: str, columns: int, *, least: int = 0) -> Float:
+    """Values from outside as rows (n, columns) of any numbers, at least a number of them."""
     array = np.asarray(numbers(values, name), dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != columns or len(array) < least:
         raise InputError(f"{name} of shape {array.shape}: expected (n, {columns}), n ≥ {least}")
-    if not (inside := np.abs(array) <= LARGEST_COORDINATE).all():
-        place = int(np.argmin(inside.all(axis=1)))
+    return array
+
+
+def as_rows(values: Any, name: str, columns: int, *, least: int = 0, row: str = "row") -> Float:
+    """Values from outside as rows (n, columns) of finite numbers, at least a number of them."""
+    array = as_table(values, name, columns, least=least)
+    if not np.abs(array).max(initial=0.0) <= LARGEST_COORDINATE:
+        place = int(np.argmin((np.abs(array) <= LARGEST_COORDINATE).all(axis=1)))
         raise InputError(
             f"{name}: {row} {place} is {array[place].tolist()}, expected finite numbers of at most"
             f" {LARGEST_COORDINATE:g}"

@@ -87,11 +87,14 @@ def _warn_of_degrees(theta: float) -> None:
 def as_poses(poses: object) -> Float:
     """Check and convert poses (k, 3) that come from outside."""
     array = as_rows(poses, "poses", 3, row="pose")
-    large = array[np.abs(array[:, 2]) >= _LEAST_DEGREES, 2]
-    if (doubtful := large[large % (0.5 * _LEAST_DEGREES) == 0.0]).size:
-        _warn_of_degrees(doubtful[0])
-    tiny = (np.abs(array) < TINY) & (array != 0.0)
-    return np.where(tiny, 0.0, array) if tiny.any() else array
+    size = np.abs(array)
+    if size[:, 2].max(initial=0.0) >= _LEAST_DEGREES:
+        large = array[size[:, 2] >= _LEAST_DEGREES, 2]
+        if (doubtful := large[large % (0.5 * _LEAST_DEGREES) == 0.0]).size:
+            _warn_of_degrees(doubtful[0])
+    if size.min(initial=TINY) >= TINY:
+        return array
+    return np.where((size < TINY) & (array != 0.0), 0.0, array)
 
 
 def compose(first: Float, second: Float) -> Float:

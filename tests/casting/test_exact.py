@@ -102,9 +102,9 @@ def test_single_rays_follow_the_limits_and_the_height_of_a_laser():
         assert caster.cast_rays([(x, 0)], ahead, tall)[0] == high
     assert [len(part) for part in caster.cast_rays(np.empty((0, 2)), np.empty((0, 2)))] == [0, 0]
     for origins, ways, message in (
-        ([(0, 0)], [(0, 0)], "direction 0: it has no length"),
+        ([(0, 0)], [(0, 0)], "ray 0 .*with a length"),
         ([(0, 0)], [(1, 0), (0, 1)], "1 origins, 2 directions"),
-        ([(0, np.nan)], [(1, 0)], "origins: row 0"),
+        ([(0, 0), (0, np.nan)], [(1, 0), (0, 1)], "ray 1 .*finite"),
     ):
         with pytest.raises(InputError, match=message):
             caster.cast_rays(origins, ways)

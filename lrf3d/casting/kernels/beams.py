@@ -5,14 +5,13 @@ leave a question open, the exact predicates decide.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.predicates import (
     FILTER,
-    LANES,
     Beam,
     Wall,
     area_sign,
@@ -27,19 +26,32 @@ from lrf3d.casting.kernels.predicates import (
     wall_at,
 )
 from lrf3d.casting.kernels.tree import (
+    LOWEST,
+    ONE,
     ROOM,
-    SMALL,
     Plain,
+    Stack,
     Tree,
+    boxes_met,
     column_at,
     enter,
+    first_lanes,
     new_stack,
     next_leaf,
+    wait,
     way_of,
     whole,
 )
-from lrf3d.compiling import borrower, compiled, inner, record
-from lrf3d.geometry.lines import TINY, Float, Int, Records
+from lrf3d.compiling import (
+    LANES,
+    borrower,
+    by_lanes,
+    choose,
+    compiled,
+    inner,
+    record,
+)
+from lrf3d.geometry.lines import LARGEST_COORDINATE, TINY, Float, Int, Records
 
 # A beam with its own origin [m], direction, and time [s].
 RAY = record(**dict.fromkeys(("x", "y", "dx", "dy", "time"), float))
@@ -50,19 +62,14 @@ CLEAR = 2.0**-10
 # Room for the rounding error of a length of such an area and slope: less than 1.2e-12 of it.
 NEARLY = 1.0 + 2.0**-38
 
-# Verdicts about a wall: not met before the nearest so far, met, or left open by float64.
-MISSED = 0
-TAKEN = 1
-OPEN = 2
-
 # In place of the row of a wall where float64 leaves open which one it is.
 UNDECIDED = -2
 
 # Rays that are followed before their lengths are computed.
 BLOCK = 64
 
-# Walls of a leaf that are sifted together, in whole vectors.
-SIFTED = (SMALL + LANES - 1) // LANES * LANES
+# Room for the bounds of LANES walls: low ones, then high ones.
+SIFTED = 2 * LANES
 
 
 class Nearest(NamedTuple):
@@ -80,8 +87,10 @@ class Block(NamedTuple):
     beams: Float  # (4, BLOCK) columns of the beams.
     walls: Float  # (4, BLOCK) columns of those walls.
     lengths: Float  # t, not a number where float64 falls short.
-    sifted: Float  # (2 SIFTED,) bounds of the walls of a leaf.
-    stack: Records
+    sifted: Float  # (SIFTED,) bounds of walls of a leaf.
+    stack: Stack
+    met: NDArray[np.uint64]  # Which boxes below the root each meets, and
+    entries: Float  # (BLOCK, LANES) how far away it enters them.
 
 
 # Stands for guesses where nothing guesses.
@@ -92,19 +101,23 @@ NO_GUESSES = np.empty(0, np.int32)
 def cast_rays(
     plain_tree: Plain, limits: tuple[float, float], rays: Records, guesses: NDArray[np.int32],
     ranges: Float, hits: Int,
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
     """Fill the ranges (n,) of rays within limits, and hits (n,) unless empty, among walls.
 
     Guesses (n,), unless empty, are the rows of the walls that rays probably meet, or −1. A wall
-    that is guessed counts if the ray meets it, and then only nearer ones are looked for.
+    that is guessed counts if the ray meets it, and then only nearer ones are looked for. Returns
+    the first ray that has too large numbers or no direction, or −1.
     """
+    invalid = -1
     tree = Tree(*plain_tree)
     block = new_block(len(rays))
     for start in range(0, len(rays), BLOCK):
         stop = min(start + BLOCK, len(rays))
         for i in range(start, stop):
             fill_block(block, i - start, beam_of(rays, i), guesses[i] if len(guesses) > 0 else -1)
+            invalid = i if invalid < 0 and not _is_valid(rays[i]) else invalid
         cast_block(tree, block, (start, stop), limits, ranges, hits)
+    return invalid
 
 
 @inner
@@ -113,8 +126,8 @@ def new_block(rays: int) -> Block:
     room = whole(min(rays, BLOCK))
     columns = np.zeros((2, 4, room))
     return Block(
-        np.empty(room, np.int64), columns[0], columns[1], np.empty(room), np.empty(2 * SIFTED),
-        new_stack(),
+        np.empty(room, np.int64), columns[0], columns[1], np.empty(room), np.empty(SIFTED),
+        new_stack(), np.empty(room, np.uint64), np.empty((room, LANES)),
     )  # fmt: skip
 
 
@@ -155,9 +168,18 @@ def cast_block(
 @borrower
 def _follow(tree: Tree, block: Block, count: int, reach: float) -> None:
     """Find the rows of the walls that rays meet, and their lengths, where float64 shows them."""
+    first = tree.links[0, 0]
+    children = first_lanes(max(-tree.links[0, 1], 0))
     for k in range(count):
         beam = Beam(*column_at(block.beams, k))
-        row = block.rows[k] = clear_wall(tree, beam, block.rows[k], reach, block)
+        way = way_of(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
+        block.met[k] = boxes_met(tree.boxes, first, way, reach, block.entries[k]) & children
+    for k in range(count):
+        beam = Beam(*column_at(block.beams, k))
+        top = enter(tree, block.stack)
+        if tree.links[0, 1] < 0:
+            top = wait(first, block.met[k], block.entries[k], block.stack.waiting, 0)
+        row = block.rows[k] = clear_wall(tree, beam, block.rows[k], reach, block, top)
         for axis in range(4 if row >= 0 else 0):
             block.walls[axis, k] = tree.columns[axis, row]
     for k in range(whole(count)):
@@ -173,86 +195,111 @@ def beam_of(rays: Records, i: int) -> Beam:
 
 
 @borrower
+def _is_valid(ray: Any) -> bool:
+    """Whether a ray has a direction and no number that is too large, or is not one."""
+    return bool(
+        abs(ray.x) <= LARGEST_COORDINATE
+        and abs(ray.y) <= LARGEST_COORDINATE
+        and abs(ray.dx) <= LARGEST_COORDINATE
+        and abs(ray.dy) <= LARGEST_COORDINATE
+        and (abs(ray.dx) >= TINY or abs(ray.dy) >= TINY)
+    )
+
+
+@borrower
 def counted(value: float) -> float:
     """A number, or 0 if it counts as 0."""
     return value if abs(value) >= TINY else 0.0
 
 
 @borrower
-def clear_wall(tree: Tree, beam: Beam, guess: int, reach: float, block: Block) -> int:
+def clear_wall(tree: Tree, beam: Beam, guess: int, reach: float, block: Block, top: int) -> int:
     """The row of the wall that a beam meets first up to a reach, or −1; or UNDECIDED."""
     way = way_of(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
     nearest = Nearest(-1, np.inf, reach)
+    sifted = block.sifted
     if guess >= 0:
-        low, high = bounds(wall_at(tree.walls, guess), beam)
-        nearest = Nearest(guess, low, high) if low <= reach and high < np.inf else nearest
-    top = enter(tree, block.stack)
+        meets, low, high = bounds(wall_at(tree.walls, guess), beam, reach)
+        nearest = Nearest(guess, low, high) if meets and high < np.inf else nearest
     while top > 0:
         first, stop, top = next_leaf(tree, way, nearest.high, block.stack, top)
-        sift(tree.columns, first, stop, beam, block.sifted)
-        for row in range(first, stop):
-            if block.sifted[row - first] > nearest.high:
-                continue
-            high = block.sifted[SIFTED + row - first]
-            if high < nearest.low:
-                nearest = Nearest(row, block.sifted[row - first], high)
-            elif row != nearest.row:
+        for base in range(first, stop, LANES):
+            met = sift(tree.columns, base, beam, nearest.high, sifted) & first_lanes(stop - base)
+            left_open, nearest = _nearest_of(sifted, base, met, nearest)
+            if left_open:
                 return UNDECIDED
     return nearest.row
 
 
 @borrower
-def sift(columns: Float, first: int, stop: int, beam: Beam, sifted: Float) -> None:
-    """Bounds of the distances at which a beam meets the walls of a leaf: low ones, then high ones.
+def _nearest_of(sifted: Float, base: int, met: Any, nearest: Nearest) -> tuple[bool, Nearest]:
+    """The nearest of some walls and the nearest so far, and before it whether that is left open.
 
-    One loop without branches.
+    The walls lie from a base on; which of them count is given as bits.
     """
-    for k in range(whole(stop - first)):
-        low, high = bounds(column_at(columns, index_of(first) + k), beam)
-        sifted[k] = low
-        sifted[index_of(SIFTED) + k] = high
+    left_open = False
+    while met != 0:
+        k = index_of(LOWEST[met])
+        met &= met - ONE
+        row = base + int(k)
+        low = sifted[k]
+        high = sifted[index_of(LANES) + k]
+        taken = high < nearest.low
+        left_open |= not taken and low <= nearest.high and row != nearest.row
+        # Chosen without branches, which a processor could not foresee.
+        nearest = Nearest(
+            row if taken else nearest.row,
+            low if taken else nearest.low,
+            high if taken else nearest.high,
+        )
+    return left_open, nearest
 
 
-@borrower
-def bounds(wall: Wall, beam: Beam) -> tuple[float, float]:
-    """Bounds of the distance at which a beam meets a wall, as float64 shows them.
+def _bounds(wall: Wall, beam: Beam, limit: float) -> tuple[bool, float, float]:
+    """Whether a beam may meet a wall up to a limit, and bounds of the distance, in float64.
 
-    The low one is infinite where it misses the wall; the high one where that is left open.
+    The high one is infinite where it is left open whether they meet.
     """
-    ax = wall.px - beam.ox
-    ay = wall.py - beam.oy
-    bx = wall.qx - beam.ox
-    by = wall.qy - beam.oy
+    px, py, qx, qy = wall
+    ax = px - beam.ox
+    ay = py - beam.oy
+    bx = qx - beam.ox
+    by = qy - beam.oy
     left = beam.dx * ay
     right = beam.dy * ax
     other_left = beam.dx * by
     other_right = beam.dy * bx
     p = left - right
     q = other_left - other_right
-    doubt = FILTER * (abs(left) + abs(right) + abs(other_left) + abs(other_right))
-    least, most = (p, q) if p < q else (q, p)
-    aside = least if least > -most else -most
-    ex = wall.qx - wall.px
-    ey = wall.qy - wall.py
+    doubt = (abs(left) + abs(right) + abs(other_left) + abs(other_right)) * FILTER
+    least = choose(p < q, p, q)
+    most = choose(p < q, q, p)
+    aside = choose(least > -most, least, -most)
+    ex = qx - px
+    ey = qy - py
     left = ax * ey
     right = ay * ex
     other_left = beam.dx * ey
     other_right = beam.dy * ex
     area = left - right
     slope = other_left - other_right
-    size = abs(left) + abs(right)
-    steep = abs(other_left) + abs(other_right)
+    size = (abs(left) + abs(right)) * CLEAR - abs(area)
+    steep = (abs(other_left) + abs(other_right)) * CLEAR - abs(slope)
     # Above zero where most digits of the area or of the slope cancel.
-    unclear = max(CLEAR * size - abs(area), CLEAR * steep - abs(slope))
+    unclear = choose(size > steep, size, steep)
+    unsure = choose(unclear > aside + doubt, unclear, aside + doubt)
     t = area / slope
-    low = t * (2.0 - NEARLY) if unclear < 0.0 else 0.0
-    low = low if low >= 0.0 else np.inf
-    low = low if aside <= doubt else np.inf
-    return low, t * NEARLY if max(unclear, aside + doubt) < 0.0 else np.inf
+    low = choose(unclear < 0.0, t * (2.0 - NEARLY), 0.0)
+    high = choose(unsure < 0.0, t * NEARLY, np.inf)
+    return (aside <= doubt) & (low >= 0.0) & (low <= limit), low, high
+
+
+bounds = inner(_bounds)
+sift = by_lanes(_bounds)
 
 
 @inner
-def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Records) -> int:
+def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Stack) -> int:
     """The row of the wall that a beam meets first, or −1, decided exactly."""
     way = way_of(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
     top = enter(tree, stack)
@@ -261,23 +308,14 @@ def first_wall(tree: Tree, beam: Beam, nearest: Nearest, stack: Records) -> int:
         for row in range(start, stop):
             wall = wall_at(tree.walls, row)
             other = wall_at(tree.walls, max(nearest.row, 0))
-            verdict, low, high = judged(wall, beam, nearest)
-            if verdict == TAKEN:
+            meets, low, high = bounds(wall, beam, nearest.high)
+            if meets and high < nearest.low:
                 nearest = Nearest(row, low, high)
-            elif verdict == OPEN:
+            elif meets:
                 # Of walls met at equal t the first in the world stays.
                 first = nearest.row < 0 or tree.rows[row] < tree.rows[nearest.row]
                 nearest = settled(beam, nearest, row, wall, other, first)
     return nearest.row
-
-
-@borrower
-def judged(wall: Wall, beam: Beam, nearest: Nearest) -> tuple[int, float, float]:
-    """Whether a wall is met before the nearest so far, in float64, and at which distances."""
-    low, high = bounds(wall, beam)
-    if low == np.inf or low > nearest.high:
-        return MISSED, low, high
-    return (TAKEN if high < nearest.low else OPEN), low, high
 
 
 @inner

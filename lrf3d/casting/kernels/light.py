@@ -26,7 +26,16 @@ from lrf3d.casting.kernels.echoes import (
 )
 from lrf3d.casting.kernels.movers import Movers, anywhere, locate, side_at, turn_sides
 from lrf3d.casting.kernels.predicates import Vector, Wall, wall_at
-from lrf3d.casting.kernels.tree import ROOM, Plain, Tree, enter, new_stack, next_leaf, way_of
+from lrf3d.casting.kernels.tree import (
+    ROOM,
+    Plain,
+    Stack,
+    Tree,
+    enter,
+    new_stack,
+    next_leaf,
+    way_of,
+)
 from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry.lines import Float, Int, Records
 
@@ -87,7 +96,7 @@ class Room(NamedTuple):
 
     rays: Records
     chains: Int  # The walls of each.
-    stack: Records
+    stack: Stack
 
 
 @compiled
@@ -235,7 +244,7 @@ def _wall_of(scene: Surroundings, name: int) -> Wall:
 
 @borrower
 def _next_wall(
-    scene: Surroundings, start: Vector, ray: Any, chain: Int, stack: Records
+    scene: Surroundings, start: Vector, ray: Any, chain: Int, stack: Stack
 ) -> tuple[float, int]:
     """How far away a ray meets its next wall [m], and the wall; infinity and −1 for none."""
     tree = scene.tree

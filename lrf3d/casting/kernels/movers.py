@@ -10,12 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.casting.kernels.beams import (
-    OPEN,
-    TAKEN,
     UNDECIDED,
     Nearest,
     beam_of,
-    judged,
+    bounds,
     length_of,
     settled,
     within,
@@ -216,10 +214,10 @@ def _meet_clearly(
         count += int(min(p, q) <= doubt) & int(max(p, q) >= -doubt)
     for place in range(count):
         row = some[place]
-        verdict, low, high = judged(side_at(sides, row), beam, nearest)
-        if verdict == TAKEN:
+        meets, low, high = bounds(side_at(sides, row), beam, nearest.high)
+        if meets and high < nearest.low:
             nearest = Nearest(row, low, high)
-        elif verdict == OPEN:
+        elif meets:
             return UNDECIDED, 0.0, 0.0
     return nearest.row, nearest.low, nearest.high
 
@@ -231,10 +229,10 @@ def meet(among: Movers, j: int, beam: Beam, nearest: Nearest) -> Nearest:
     mover = among.movers[j]
     for row in range(mover.first, mover.stop):
         side = side_at(sides, row)
-        verdict, low, high = judged(side, beam, nearest)
-        if verdict == TAKEN:
+        meets, low, high = bounds(side, beam, nearest.high)
+        if meets and high < nearest.low:
             nearest = Nearest(row, low, high)
-        elif verdict == OPEN:
+        elif meets:
             # Of sides met at equal t the first one stays.
             other = side_at(sides, max(nearest.row, 0))
             nearest = settled(beam, nearest, row, side, other, row < nearest.row)

@@ -23,7 +23,7 @@ from typing import NamedTuple, SupportsIndex
 
 import numpy as np
 
-from lrf3d.compiling import borrower, inner
+from lrf3d.compiling import LANES, borrower, inner
 from lrf3d.geometry.lines import Float
 
 # 2²⁷ + 1: multiplying by it cuts a float64 into two halves of 26 bits.
@@ -35,10 +35,6 @@ FILTER = 5.0 * 2.0**-53
 
 # Least |a·b − c·d| / (|a·b| + |c·d|) at which double-double still gives 70 good bits.
 SAFE_CANCELLATION = 2.0**-32
-
-# Most float64 numbers that a vector register holds. Loops over whole vectors are rounded up to a
-# multiple of it, and their arrays have room for that.
-LANES = 8
 
 # Indices of this type are never negative, which spares each access in a hot loop the question
 # whether it counts from the end.
@@ -216,7 +212,7 @@ def _plain_area(ox: float, oy: float, wall: Wall) -> tuple[Double, bool]:
     return area, abs(area[0]) > SAFE_CANCELLATION * size
 
 
-@inner
+@borrower
 def plain_length(beam: Beam, wall: Wall) -> tuple[Double, bool]:
     """The t in double-double, and whether that is good enough to be used."""
     area, good = _plain_area(beam.ox, beam.oy, wall)

@@ -7,12 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.beams import (
-    MISSED,
-    OPEN,
     SIFTED,
-    Nearest,
     beam_of,
-    judged,
+    bounds,
     length_of,
     sift,
 )
@@ -63,15 +60,18 @@ from lrf3d.casting.kernels.skyline import (
     put,
 )
 from lrf3d.casting.kernels.tree import (
+    LOWEST,
+    ONE,
     ROOM,
     Plain,
     Tree,
     enter,
+    first_lanes,
     new_stack,
     next_leaf,
     way_of,
 )
-from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.compiling import LANES, borrower, compiled, inner
 from lrf3d.geometry.lines import Float, Int, Records
 
 
@@ -272,7 +272,7 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
     sight = Eye(*eye)
     skies = Skylines(*plain_skies)
     stack = new_stack()
-    sifted = np.empty(2 * SIFTED)
+    sifted = np.empty(SIFTED)
     fits = True
     for i in range(len(rays)):
         beam = beam_of(rays, i)
@@ -283,10 +283,11 @@ def raise_rays(plain: Plain, rays: Records, eye: Plain, slopes: Float, plain_ski
         while top > 0:
             limit = min(limit, ROOM / skies.covered[i]) if skies.covered[i] > 0.0 else limit
             first, stop, top = next_leaf(tree, way, limit, stack, top)
-            sift(tree.columns, first, stop, beam, sifted)
-            for k in range(first, stop):
-                if sifted[k - first] <= limit:
-                    piece = _piece(walls, k)
+            for base in range(first, stop, LANES):
+                met = sift(tree.columns, base, beam, limit, sifted) & first_lanes(stop - base)
+                while met != 0:
+                    piece = _piece(walls, base + int(LOWEST[met]))
+                    met &= met - ONE
                     fits = _raise_exactly(piece, i, beam, own, walls.highest, skies) and fits
     return fits
 
@@ -377,12 +378,12 @@ def _raise_exactly(
     wall = piece.wall
     height = piece.height
     low = height < eye.z
-    verdict, near, far = judged(wall, beam, Nearest(-1, np.inf, np.inf))
-    if verdict == MISSED:
+    meets, near, far = bounds(wall, beam, np.inf)
+    if not meets:
         return True
     sense = area_sign(beam.ox, beam.oy, wall)
     exits = sense * piece.inner > 0
-    if verdict == OPEN:
+    if far == np.inf:
         holds = sense == 0 and between(beam.ox, beam.oy, wall)
         if not holds and not (
             meets_seen(sense, beam, wall) if sense != 0 else meets_in_line(beam, wall)
@@ -395,9 +396,9 @@ def _raise_exactly(
         t = length_of(beam, wall)
         near = t / ROOM
         far = t * ROOM
-    bounds = (1.0 / far, 1.0 / near) if near > 0.0 else (np.inf, np.inf)
+    depths = (1.0 / far, 1.0 / near) if near > 0.0 else (np.inf, np.inf)
     kind = EXITS if exits and low else MEETS
-    new = entry_of(bounds[0], bounds[1], height, wall, (piece.name, kind), eye.z)
+    new = entry_of(depths[0], depths[1], height, wall, (piece.name, kind), eye.z)
     return insert(new, i, beam, eye, highest, skies)
 
 
@@ -410,12 +411,12 @@ def _raise_along(
     height = piece.height
     name = piece.name
     t = length_of(beam, wall)
-    bounds = (1.0 / (t * ROOM), ROOM / t) if t > 0.0 else (np.inf, np.inf)
+    depths = (1.0 / (t * ROOM), ROOM / t) if t > 0.0 else (np.inf, np.inf)
     px, py, qx, qy = wall
     along = side(beam, px, py) == 0 and side(beam, qx, qy) == 0
     skies.mixed[i] = max(skies.mixed[i], int(along))
     kind = BEGINS if along else MEETS
-    new = entry_of(bounds[0], bounds[1], height, wall, (name, kind), eye.z)
+    new = entry_of(depths[0], depths[1], height, wall, (name, kind), eye.z)
     fits = insert(new, i, beam, eye, highest, skies)
     if not along:
         return fits

@@ -8,9 +8,9 @@ import numpy as np
 from lrf3d.base.errors import expect
 from lrf3d.casting.kernels.beams import BLOCK, cast_block, fill_block, new_block, within
 from lrf3d.casting.kernels.fan import NARROW, Fan, trace
-from lrf3d.casting.kernels.predicates import LANES, Beam, length, lengths, wall_at
+from lrf3d.casting.kernels.predicates import Beam, length, lengths, wall_at
 from lrf3d.casting.kernels.tree import ROOM, Plain, Tree
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import LANES, compiled, inner
 from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.laser import LaserRangeFinder, range_finder
 

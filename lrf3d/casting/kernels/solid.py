@@ -9,9 +9,18 @@ that pass edges by more than about 1e-15 rad.
 
 import numpy as np
 
-from lrf3d.casting.kernels.tree import ROOM, Plain, Tree, enter, new_stack, next_leaf, way_of
+from lrf3d.casting.kernels.tree import (
+    ROOM,
+    Plain,
+    Stack,
+    Tree,
+    enter,
+    new_stack,
+    next_leaf,
+    way_of,
+)
 from lrf3d.compiling import borrower, compiled
-from lrf3d.geometry.lines import Float, Int, Records
+from lrf3d.geometry.lines import Float, Int
 
 Vector = tuple[float, float, float]
 
@@ -36,7 +45,7 @@ def cast_solid(
 
 @borrower
 def _first_met(
-    tree: Tree, corners: Float, origin: Float, turn: Vector, reach: float, stack: Records
+    tree: Tree, corners: Float, origin: Float, turn: Vector, reach: float, stack: Stack
 ) -> tuple[float, int]:
     """The distance and the triangle that a ray meets first; infinity and −1 for none.
 

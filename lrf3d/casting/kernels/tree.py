@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, SupportsIndex
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.predicates import LANES, Wall, index_of
-from lrf3d.compiling import borrower, compiled, inner, record
+from lrf3d.casting.kernels.predicates import Wall, index_of
+from lrf3d.compiling import LANES, borrower, by_lanes, choose, compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
 # Places tried for a cut; more make a tree that is hardly better.
@@ -36,14 +36,19 @@ STACK = 256
 # Room for rounding and for directions that are not quite of unit length.
 ROOM = 1.0 + 1e-9
 
-# Which boxes are met, as bits: the first one, and for any of them the place of the lowest.
+# Which of LANES boxes or walls are met, as bits: the first one, and the place of the lowest of all.
 ONE = index_of(1)
-LOWEST = np.array(
-    [0, *((met & -met).bit_length() - 1 for met in range(1, 1 << CHILDREN))], np.uint8
-)
+LOWEST = np.array([0, *((met & -met).bit_length() - 1 for met in range(1, 1 << LANES))], np.uint8)
 
 # A box that waits on a ray's path, and how far away it is at least [m]; the nearest is on top.
 BOX = record(node=int, near=float)
+
+
+class Stack(NamedTuple):
+    """The boxes that wait on a ray's path, and how far away it enters those below a node [m]."""
+
+    waiting: Records
+    entries: Float
 
 
 class Tree(NamedTuple):
@@ -81,24 +86,19 @@ class Way(NamedTuple):
     y: float
     across: float  # One over the direction along x,
     along: float  # and along y.
-    left: np.uint64  # The columns of the sides at which it enters boxes along x,
-    low: np.uint64  # and along y.
 
 
 @borrower
 def way_of(ox: float, oy: float, x: float, y: float, dx: float, dy: float) -> Way:
     """The path of a ray: see `Way`."""
-    across = 1.0 / dx
-    along = 1.0 / dy
-    left = index_of(0 if across > 0.0 else 2)
-    low = index_of(1 if along > 0.0 else 3)
-    return Way(ox, oy, x, y, across, along, left, low)
+    # A zero without its sign is as good as a small number above it.
+    return Way(ox, oy, x, y, 1.0 / (dx + 0.0), 1.0 / (dy + 0.0))
 
 
 @inner
-def new_stack() -> Records:
-    """Room for the boxes that wait on a ray's path."""
-    return np.empty(STACK, BOX)
+def new_stack() -> Stack:
+    """Room for the boxes on a ray's path."""
+    return Stack(np.empty(STACK, BOX), np.empty(LANES))
 
 
 @inner
@@ -118,80 +118,81 @@ def column_at(columns: Float, row: SupportsIndex) -> Wall:
     )
 
 
+@inner
+def first_lanes(count: int) -> Any:
+    """The bits of the first of all lanes, up to a number of them."""
+    return (ONE << index_of(min(count, LANES))) - ONE
+
+
 @borrower
-def next_leaf(
-    tree: Tree, way: Way, limit: float, waiting: Records, top: int
-) -> tuple[int, int, int]:
+def wait(first: int, met: Any, entries: Float, waiting: Records, top: int) -> int:
+    """Let boxes of a node wait, of which some are met: the nearest on top."""
+    if met == 0:
+        return top
+    node = index_of(first) + LOWEST[met]
+    near = entries[LOWEST[met]]
+    met &= met - ONE
+    while met != 0:
+        child = index_of(first) + LOWEST[met]
+        entered = entries[LOWEST[met]]
+        waiting[top].node = child if entered >= near else node
+        waiting[top].near = max(entered, near)
+        node = node if entered >= near else child
+        near = min(entered, near)
+        top += 1
+        met &= met - ONE
+    waiting[top].node = node
+    waiting[top].near = near
+    return top + 1
+
+
+@borrower
+def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tuple[int, int, int]:
     """The next leaf on a path up to a limit [m]: its first row and its end, which are 0 after all.
 
     The last number is that of the boxes that still wait, of which the root is the first.
     """
     boxes = tree.boxes
+    waiting = stack.waiting
+    entries = stack.entries
     while top > 0:
         top -= 1
+        if waiting[top].near > limit * ROOM:
+            continue
         node = index_of(waiting[top].node)
-        near = waiting[top].near
-        while near <= limit * ROOM:
-            first = tree.links[node, 0]
-            count = tree.links[node, 1]
-            if count > 0:
-                return first, first + count, top
-            met = _met(boxes, index_of(first), -count, way, limit)
-            if met == 0:
-                break
-            # The nearest goes on, and the others wait.
-            node = index_of(first) + LOWEST[met]
-            near = _entry(boxes, node, way)
-            met &= met - ONE
-            while met != 0:
-                child = index_of(first) + LOWEST[met]
-                entered = _entry(boxes, child, way)
-                waiting[top].node = child if entered >= near else node
-                waiting[top].near = max(entered, near)
-                node = node if entered >= near else child
-                near = min(entered, near)
-                top += 1
-                met &= met - ONE
+        first = tree.links[node, 0]
+        count = tree.links[node, 1]
+        if count > 0:
+            return first, first + count, top
+        met = boxes_met(boxes, first, way, limit, entries) & first_lanes(-count)
+        top = wait(first, met, entries, waiting, top)
     return 0, 0, 0
 
 
-@borrower
-def _met(boxes: Float, first: Any, count: int, way: Way, limit: float) -> Any:
-    """Which boxes a ray meets up to a limit, as bits, of some from the first on.
-
-    The loop writes nothing: else LLVM would ask each time whether arrays overlap.
-    """
-    met = index_of(0)
-    for k in range(whole(count)):
-        child = first + k
-        near = _entry(boxes, child, way)
-        met |= ONE << k if near <= _exit(boxes, child, way, limit) * ROOM else index_of(0)
-    return met & ((ONE << index_of(count)) - ONE)
-
-
-@borrower
-def _entry(boxes: Float, child: SupportsIndex, way: Way) -> float:
-    """How far away a ray enters a box; 0 from inside."""
-    # Along an axis 0 times infinity is no number, and no bound.
-    bound = ((boxes[way.left, child] - way.ox) - way.x) * way.across
-    near = bound if bound > 0.0 else 0.0
-    bound = ((boxes[way.low, child] - way.oy) - way.y) * way.along
-    return bound if bound > near else near
+def _reaches(box: Any, way: Way, limit: float) -> tuple[bool, float]:
+    """Whether a ray meets a box up to a limit, and how far away it enters it; 0 from inside."""
+    left, low, right, high = box
+    near = 0.0
+    far = limit
+    for first, second in (
+        ((left - way.ox - way.x) * way.across, (right - way.ox - way.x) * way.across),
+        ((low - way.oy - way.y) * way.along, (high - way.oy - way.y) * way.along),
+    ):
+        # Along an axis 0 times infinity is no number, and no bound.
+        entry = choose(second < first, second, first)
+        near = choose(entry > near, entry, near)
+        end = choose(first > second, first, second)
+        far = choose(end < far, end, far)
+    return near <= far * ROOM, near
 
 
-@borrower
-def _exit(boxes: Float, child: SupportsIndex, way: Way, limit: float) -> float:
-    """How far away a ray leaves a box, at most a limit."""
-    bound = ((boxes[index_of(2) - way.left, child] - way.ox) - way.x) * way.across
-    far = bound if bound < limit else limit
-    bound = ((boxes[index_of(4) - way.low, child] - way.oy) - way.y) * way.along
-    return bound if bound < far else far
+boxes_met = by_lanes(_reaches)
 
 
 @inner
-def enter(tree: Tree, waiting: Records) -> int:
+def enter(tree: Tree, stack: Stack) -> int:
     """Let the root of a tree wait, if it has walls; the number of boxes that do."""
-    root = waiting[0]
+    root = stack.waiting[0]
     root.node = 0
     root.near = 0.0
     return 1 if len(tree.rows) > 0 else 0
