@@ -63,9 +63,7 @@ def test_the_map_shows_both_paths_and_the_ellipses_and_loops_where_they_are_aske
     assert closed == pytest.approx(places[[0, -1]]) and dropped == pytest.approx(places[[1, 2]])
     ellipses = [each for each in figure.axes[0].collections if isinstance(each, PolyCollection)]
     rings = [
-        each
-        for each in ellipses
-        if np.allclose(each.get_edgecolor()[0][:3], to_rgb(ESTIMATE))
+        each for each in ellipses if np.allclose(each.get_edgecolor()[0][:3], to_rgb(ESTIMATE))
     ]
     assert rings and all(not len(each.get_facecolor()) and each.get_paths() for each in rings)
 
