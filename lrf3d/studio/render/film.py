@@ -22,9 +22,9 @@ from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of, stacked
 from lrf3d.studio.scene import panel
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
-from lrf3d.studio.scene.look import FALSE_COLOUR, PALE_WALL, SIZE, TRAIL_COLOUR, Colour
+from lrf3d.studio.scene.look import PALE_WALL, SIZE, TRAIL_COLOUR, Colour
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
-from lrf3d.studio.scene.shapes import NAMED, PINNED, Label, Pixels
+from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
 from lrf3d.studio.scene.shots import FIRST_SHOT, LENGTH, LONGEST, SHORTEST, SHOTS
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
@@ -255,8 +255,7 @@ class Film:
         )
         if any(words) and panel.has_card(self.run, moment, view):
             head, *found = words
-            red = panel.whole(FALSE_COLOUR)
-            colours = [red if each.startswith(PINNED) else panel.PALE for each in found]
+            colours = [*map(panel.tint_of, found)]
             if self._scenes:
                 # What each robot has found is in its colour.
                 found = [f"{NAMED} {each}" for each in found]

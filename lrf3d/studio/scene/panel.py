@@ -21,7 +21,7 @@ from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, Drift
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
-from lrf3d.studio.scene.shapes import NAMED, Label
+from lrf3d.studio.scene.shapes import NAMED, PINNED, Label
 from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
 from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, lasting, metres
@@ -180,13 +180,18 @@ def _trails(
         found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
     found += _drifted(run, moment.time)
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
-    gone = false_after(run, moment.mapped) and not false_after(run, len(run) - 1)
-    # What else is red is the subject.
-    if gone and not (others or subject_of(run, playback).proof):
-        found.append(("━ not a wall: later scans remove it", look.FALSE_COLOUR))
+    found += _removed(run, moment, playback)
     red, green, blue = HEIGHT_COLOURS[1].tolist()
     found += [("━ points of a lidar", (red, green, blue))] * bool(run.cloud_sensors.lidars)
     return [(words.rstrip(), whole(colour)) for words, colour in found]
+
+
+def _removed(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
+    """Words on the false walls of a moment, if the last map has none; not where more is red."""
+    gone = false_after(run, moment.mapped) and not false_after(run, len(run) - 1)
+    more = robots_of(run.obstacles) or subject_of(run, playback).proof
+    words = "━ not a wall: later scans remove it"
+    return [(words, look.FALSE_COLOUR)] if gone and not more else []
 
 
 def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[str, look.Colour]]:
@@ -203,6 +208,11 @@ def whole(colour: look.Colour) -> tuple[int, int, int]:
     """A colour for text in whole numbers, paler on its dark ground."""
     red, green, blue = (round(255 * part) for part in look.paler(colour))
     return red, green, blue
+
+
+def tint_of(words: str) -> tuple[int, int, int]:
+    """The colour of a line of the card: red where pins point at what it says."""
+    return whole(look.FALSE_COLOUR) if words.startswith(PINNED) else PALE
 
 
 def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float = SIZE) -> Label:
