@@ -26,7 +26,7 @@ from lrf3d.mapping.tints import object_tints
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.simulation.run import Run
 from lrf3d.studio.figures.sheet import DOT, FAINT, HAIRLINE, INK, LINE, PAD, dressed, plain, sheet
-from lrf3d.studio.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED
+from lrf3d.studio.scene.look import DART, ESTIMATE_FADED
 from lrf3d.studio.scene.marks import TRUTH, believed, kept_ellipses, outlines
 from lrf3d.studio.scene.stage.structures import Sight, enclosed_areas
 from lrf3d.world import World
@@ -50,6 +50,9 @@ HIT = "#d6361f"
 
 # Colour of the robot's path.
 PATH = "#2f6fb3"
+
+# Colour of an estimated path.
+ESTIMATE = "#ed1799"
 
 # Colour of the robot.
 ROBOT = "#16324f"
@@ -214,7 +217,7 @@ def estimate(
     """Plot an estimated path with its ellipses of 95 % and, if asked, a line for each closure."""
     expect(estimate, EstimatedTrajectory, "estimate")
     ax = _axes(ax)
-    usual = {"color": ESTIMATE_COLOUR, "linewidth": LINE, "label": believed(estimate), "zorder": 3}
+    usual = {"color": ESTIMATE, "linewidth": LINE, "label": believed(estimate), "zorder": 3}
     path = ax.plot(*estimate.poses[:, :2].T, **_styled(usual, style))[0]
     kept = kept_ellipses(estimate)
     rings = outlines(estimate.poses[estimate.known_scans[kept], :2], estimate.ellipses[kept])

@@ -24,7 +24,7 @@ from lrf3d.studio.scene.found import (
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.panel import INK, PALE
-from lrf3d.studio.scene.shapes import NAMED, Inset, Pixels
+from lrf3d.studio.scene.shapes import NAMED, PINNED, Inset, Pixels
 from lrf3d.studio.scene.timeline import metres, smoothed
 
 # What draws a map, of a size [pixels].
@@ -253,7 +253,8 @@ class Comparison:
         for each, seen, missed in zip(self.maps, walls, lost, strict=True):
             words = ", ".join(metres(long) for long in missed.tolist())
             named = f"; missed: {words}" * (0 < len(missed) <= _NAMED)
-            rows.append(f"{each.name}: {len(seen) - len(missed)} of {len(seen)} walls found{named}")
+            found = f"{each.name}: {len(seen) - len(missed)} of {len(seen)} walls found{named}"
+            rows.append(f"{PINNED} " * bool(len(missed)) + found)
         longest = max((missed.max(initial=0.0) for missed in lost), default=0.0)
         short = 0.0 < longest < max((np.median(seen) for seen in walls), default=0.0)
         head = "Short walls are lost in noise first" if short else self.title

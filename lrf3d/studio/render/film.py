@@ -255,7 +255,7 @@ class Film:
         )
         if any(words) and panel.has_card(self.run, moment, view):
             head, *found = words
-            colours = [panel.PALE] * len(found)
+            colours = [*map(panel.tint_of, found)]
             if self._scenes:
                 # What each robot has found is in its colour.
                 found = [f"{NAMED} {each}" for each in found]

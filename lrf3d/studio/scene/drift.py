@@ -16,7 +16,7 @@ from lrf3d.studio.scene.look import BOLD, TRAIL_HEIGHT, rgb
 from lrf3d.studio.scene.marks import TRAIL_FADE, trail_lines
 from lrf3d.studio.scene.shapes import Lines, Mark, Points, level_lines, single
 from lrf3d.studio.scene.shown import Shown
-from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline, interpolated, smoothed
+from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline, interpolated
 
 # Colour of all that is where odometry alone puts it.
 GHOST_COLOUR = rgb("#ff4d26")
@@ -40,9 +40,8 @@ _HIT_SIZE = 0.08, (2.0, 5.0)
 _SHOTS = ("proof", "rise", "whole", "end")
 _OPAQUE = 0.8
 
-# Until when they stay there after the run, and how long they take from there [s of the film].
-_UNTIL = 0.4
-_COMES_BACK = 1.4
+# Colour of the gap between the paths.
+GAP_COLOUR = (1.0, 1.0, 1.0)
 
 
 class Drift(NamedTuple):
@@ -75,8 +74,8 @@ class Drift(NamedTuple):
             interpolated(np.array([time]), keys.times, keys.poses[:, :2])
             for keys in (self.alone, self.believed)
         )
-        white = np.ones((1, 3))
-        return level_lines(2.0 * TRAIL_HEIGHT, ghost, robot, white, np.ones((1, 2)), BOLD)
+        colours = np.array([GAP_COLOUR])
+        return level_lines(2.0 * TRAIL_HEIGHT, ghost, robot, colours, np.ones((1, 2)), BOLD)
 
     def off(self, time: float) -> float:
         """How far odometry alone is off the estimate at a time [s], [m]."""
@@ -103,56 +102,40 @@ def _loop(poses: Float, alone: Float, closures: Int) -> tuple[int, int] | None:
 
 
 class Astray:
-    """What a run's laser has met, where odometry alone puts it or, by shares, the estimate."""
+    """What a run's laser has met, where odometry alone puts it."""
 
     def __init__(self, run: Shown, drift: Drift) -> None:
         self._run = run
         self._drift = drift
-        # The steps of both paths, each as seen from the one before.
-        paths = drift.alone.poses, drift.believed.poses
-        self._steps = [between(each[:-1], each[1:]) for each in paths]
 
     @cached_property
     def _met(self) -> tuple[Int, Float]:
-        """The scans (n,) of some hits, and where these are as seen from the robot (n, 2) [m]."""
+        """The scans (n,) of some hits, and where odometry alone puts these (n, 2) [m]."""
         poses = self._run.trajectory.poses
         scans = [self._run.scans_at(number)[0] for number in range(len(poses))]
         every = 1 + sum(int(scan.hits.sum()) for scan in scans) // _HITS
         hits = [scan.points()[number % every :: every] for number, scan in enumerate(scans)]
         whose = np.repeat(np.arange(len(scans)), [len(each) for each in hits])
-        return whose, _turned(np.concatenate(hits) - poses[whose, :2], -poses[whose, 2])
+        alone = self._drift.alone.poses[whose]
+        met = np.concatenate(hits) - poses[whose, :2]
+        return whose, alone[:, :2] + _turned(met, alone[:, 2] - poses[whose, 2])
 
     def marks(
         self, moment: Moment, shot: str, timeline: Timeline
     ) -> Iterator[tuple[str, str, Mark]]:
-        """Layer, name and mark at a moment of a shot; in the end what is astray comes back."""
+        """Layer, name and mark at a moment of a shot."""
         now = moment.time - timeline.start
-        if shot != "end":
-            fade = TRAIL_FADE * timeline.playback
-            yield "estimate", "drift", trail_lines(self._drift.alone, now, fade, GHOST_COLOUR)
-        if self._drift.loop is None or shot not in _SHOTS:
-            return
-        passed = (moment.now - timeline.end) / timeline.playback
-        share = smoothed(np.clip((passed - _UNTIL) / _COMES_BACK, 0.0, 1.0))
-        yield "estimate", "astray", self.points(moment.mapped, share, _OPAQUE * (1.0 - share**4))
-        if shot == "proof":
-            yield "estimate", "gap", self._drift.gap(now)
+        fade = TRAIL_FADE * timeline.playback
+        yield "estimate", "drift", trail_lines(self._drift.alone, now, fade, GHOST_COLOUR)
+        if self._drift.loop is not None and shot in _SHOTS:
+            yield "estimate", "astray", self.points(moment.mapped)
+        yield "estimate", "gap", self._drift.gap(now)
 
-    def points(self, scan: int, share: float, opacity: float) -> Points:
-        """What has been met up to a scan, at a share 0…1 of the way to where the estimate puts it.
-
-        On the way the path unbends.
-        """
-        by_odometry, by_estimate = self._steps
-        steps = by_odometry + share * (by_estimate - by_odometry)
-        start = self._drift.believed.poses[:1]
-        headings = start[:, 2] + np.append(0.0, np.cumsum(steps[:, 2]))
-        moved = np.cumsum(_turned(steps[:, :2], headings[:-1]), axis=0)
-        places = start[:, :2] + np.insert(moved, 0, 0.0, axis=0)
-        whose, met = self._met
-        whose = whose[whose <= scan]
-        level = places[whose] + _turned(met[: len(whose)], headings[whose])
-        colours = np.tile([*GHOST_COLOUR, opacity], (len(level), 1))
+    def points(self, scan: int) -> Points:
+        """What has been met up to a scan."""
+        whose, places = self._met
+        level = places[whose <= scan]
+        colours = np.tile([*GHOST_COLOUR, _OPAQUE], (len(level), 1))
         spots = np.insert(level, 2, self._run.lasers[0].height, axis=1)
         sides = single(0.0 * level)
         return Points(single(spots), single(colours), sides, *_HIT_SIZE, glows=False)

@@ -18,8 +18,8 @@ from lrf3d.studio.scene.marks import false_pieces
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.world import World
 
-# Number of maps of a run of which the walls found are counted, about.
-_SCORED = 16
+# Number of maps of a run of which the walls found are counted, at most: a file keeps fewer.
+_SCORED = 128
 
 # Share of its scans up to which those that hit a wall are few.
 _FEW = 0.1
@@ -34,7 +34,7 @@ _TREES = Latest(8)
 _FOUND = Latest(2 * _SCORED)
 
 # How many false walls these have.
-_FALSE = Latest(8)
+_FALSE = Latest(2 * _SCORED)
 
 
 def visible_to(run: Run) -> tuple[Float, Int]:

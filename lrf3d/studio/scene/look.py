@@ -161,8 +161,8 @@ TRAIL_COLOUR = rgb("#ffb35a")
 # Height of trails over the ground [m].
 TRAIL_HEIGHT = 0.015
 
-# Colour of the estimated trail.
-ESTIMATE_COLOUR = rgb("#ed1799")
+# Colour of the estimated trail: far from those of false walls and of what odometry puts astray.
+ESTIMATE_COLOUR = rgb("#5fe6ff")
 
 # Colour of what the map of a world with mirrors holds where there is no wall.
 FALSE_COLOUR = rgb("#ff4a5f")

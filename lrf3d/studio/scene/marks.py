@@ -85,6 +85,9 @@ _OLD = 0.35
 # Largest number of ellipses that stay along the path: more would be one band.
 MOST_KEPT = 40
 
+# Size of the largest ellipse from which on ellipses are named [m]: smaller ones are hardly seen.
+_NAMED_SIZE = 0.2
+
 # Number of corners of an ellipse as drawn.
 CORNERS = 48
 
@@ -308,8 +311,9 @@ def _first_mapped(segments: Float, exposure: Exposure) -> Float:
 
 
 def believed(estimate: EstimatedTrajectory) -> str:
-    """What legends call the trail of an estimate, which may have no ellipses."""
-    return "estimate, ellipses of 95 %" if len(estimate.known_scans) else "estimate"
+    """What legends call the trail of an estimate, whose ellipses may be too small to be seen."""
+    sizes = np.linalg.norm(estimate.ellipses, axis=(1, 2))
+    return "estimate, ellipses of 95 %" if sizes.max(initial=0.0) > _NAMED_SIZE else "estimate"
 
 
 def trail_lines(

@@ -17,11 +17,11 @@ from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
-from lrf3d.studio.scene.drift import GHOST_COLOUR, Drift
+from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, Drift
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
-from lrf3d.studio.scene.shapes import NAMED, Label
+from lrf3d.studio.scene.shapes import NAMED, PINNED, Label
 from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
 from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, lasting, metres
@@ -153,17 +153,17 @@ def _card(run: Run, playback: float) -> Label:
     subject = subject_of(run, playback)
     told = [(subject.found, INK)] * bool(subject.found)
     colour = PALE if told else INK
-    return _label([*told, (found, colour), *missed, *_drifted(run), (rest, PALE)])
+    drifted = [(words, whole(tint)) for words, tint in _drifted(run, np.inf)]
+    return _label([*told, (found, colour), *missed, *drifted, (rest, PALE)])
 
 
-def _drifted(run: Run) -> list[tuple[str, tuple[int, int, int]]]:
-    """Words on the loops of a run, and on how far its odometry drifted without them."""
+def _drifted(run: Run, time: float) -> list[tuple[str, look.Colour]]:
+    """The names of the path by odometry alone, and of how far it is off at a time [s]."""
     drift = _drift_of(run)
-    if drift is None or run.estimate is None:
+    if drift is None:
         return []
-    loops = f"{counted(len(run.estimate.closures), 'time')} at a known place again"
-    alone = f"━ Odometry alone ends {metres(drift.off(np.inf))} off"
-    return [(alone, whole(GHOST_COLOUR)), (loops, PALE)]
+    gap = metres(drift.off(time - run.trajectory.times.min()))
+    return [("━ odometry alone", GHOST_COLOUR), (f"━ gap {gap}", GAP_COLOUR)]
 
 
 def _trails(
@@ -178,13 +178,20 @@ def _trails(
         colours = [look.TRAIL_COLOUR, *(colour for _, colour in others)]
         names = robot_names(run.obstacles, robots)
         found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
-    if (drift := _drift_of(run)) is not None:
-        off = metres(drift.off(moment.time - run.trajectory.times.min()))
-        found.append((f"━ odometry alone  {off} off", GHOST_COLOUR))
+    found += _drifted(run, moment.time)
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
+    found += _removed(run, moment, playback)
     red, green, blue = HEIGHT_COLOURS[1].tolist()
     found += [("━ points of a lidar", (red, green, blue))] * bool(run.cloud_sensors.lidars)
     return [(words.rstrip(), whole(colour)) for words, colour in found]
+
+
+def _removed(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
+    """Words on the false walls of a moment, if the last map has none; not where more is red."""
+    gone = false_after(run, moment.mapped) and not false_after(run, len(run) - 1)
+    more = robots_of(run.obstacles) or subject_of(run, playback).proof
+    words = "━ not a wall: later scans remove it"
+    return [(words, look.FALSE_COLOUR)] if gone and not more else []
 
 
 def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[str, look.Colour]]:
@@ -201,6 +208,11 @@ def whole(colour: look.Colour) -> tuple[int, int, int]:
     """A colour for text in whole numbers, paler on its dark ground."""
     red, green, blue = (round(255 * part) for part in look.paler(colour))
     return red, green, blue
+
+
+def tint_of(words: str) -> tuple[int, int, int]:
+    """The colour of a line of the card: red where pins point at what it says."""
+    return whole(look.FALSE_COLOUR) if words.startswith(PINNED) else PALE
 
 
 def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float = SIZE) -> Label:

@@ -43,8 +43,8 @@ CLOSING = 3.2
 # Part of that in which the rest of the run completes the map [s of the film].
 FILLING = 0.8
 
-# How much longer the end then is [s of the film].
-_COMES_BACK = 1.0
+# How much longer that is with what odometry puts astray [s of the film].
+_ASTRAY = 1.0
 
 # Approximate length of each other shot [s of the film].
 _SHOT = 2.0
@@ -104,9 +104,8 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     playback = timeline.playback
     lasts = (timeline.end - timeline.start) / playback
     subject = subject_of(timeline.run, playback)
-    # The end takes longer in which what odometry has put astray comes back.
-    comes_back = _COMES_BACK * (subject.since is not None)
-    fixed = FIRST - OPENING + RISE + CLOSING + comes_back
+    astray = _ASTRAY * (subject.since is not None)
+    fixed = FIRST - OPENING + RISE + CLOSING + astray
     # In a shorter film, the same shots are shorter.
     scale = min(1.0, (length + OPENING) / (fixed + OPENING + _SHOT))
     first = min(scale * FIRST, _FIRST_SHARE * lasts)
@@ -154,7 +153,7 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     begun = timeline.start + playback * min(OPENING, 0.5 * first)
     last = float(ends[-1])
     risen = last + (timeline.end - last) * rise / (rise + filling)
-    turned = closing - filling + comes_back
+    turned = closing - filling + astray
     return (
         Shot("opening", (opened - begun) / playback, begun, opened),
         *map(Shot, names, takes.tolist(), starts.tolist(), ends.tolist()),

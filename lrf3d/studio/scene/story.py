@@ -74,9 +74,6 @@ _TOO_MUCH = 0.05
 # Penalty for a shot in which the robot is hidden all the time.
 _HIDDEN = 6.0
 
-# What is said after the title.
-_LIT = "What its laser has seen is lit"
-
 # Time for which it is said that the film leaps [s of the film].
 _LEAPS = 1.1
 
@@ -222,7 +219,7 @@ class Story:
         share = (time - shot.start) / max(shot.end - shot.start, TINY)
         passed = share * shot.length
         if shot.name == "opening":
-            return (subject.title if passed < TITLE_TIME else _LIT,)
+            return (subject.title if passed < TITLE_TIME else subject.then,)
         told = self._leap(number) if passed < _LEAPS else ()
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         # The rest of the run is shown in the time that is left.

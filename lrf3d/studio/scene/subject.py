@@ -69,6 +69,8 @@ class Subject(NamedTuple):
     told: bool = False
     # The direction of what is seen from its side [rad], with the robot on its right.
     along: float | None = None
+    # What is said after the title.
+    then: str = "What its laser has seen is lit"
 
     def aim_at(self, time: float) -> Float | None:
         """That place, as long as the map holds the wall."""
@@ -110,7 +112,6 @@ def _loop(run: Shown) -> Subject | None:
     begins, closes = run.trajectory.times[[first, last]].tolist()
     path = drift.believed.poses[first : last + 1, :2]
     length = np.hypot(*np.diff(path, axis=0).T).sum()
-    off = drift.off(closes - run.trajectory.times.min())
     return Subject(
         "Odometry drifts; the laser finds the way back",
         closes,
@@ -118,7 +119,7 @@ def _loop(run: Shown) -> Subject | None:
         "Red: where odometry alone puts it",
         begins,
         closes,
-        f"Back after {metres(length)}: odometry is {metres(off)} off",
+        f"Back after {metres(length)}: red shows the drift",
     )
 
 
@@ -215,6 +216,7 @@ def _glass(run: Shown) -> Subject | None:
         found=_glass_words(run, counts),
         told=True,
         along=along,
+        then="Of slanted beams, few come back",
     )
 
 
@@ -243,12 +245,12 @@ def _reflectors(run: Shown, since: float) -> Subject | None:
         return None
     light = scan.intensities[scan.hits]
     brighter = np.median(light[seen[most]]) / np.median(np.delete(light, seen[most]))
-    words = f"{brighter:.0f} × as bright as walls"
+    words = f"Reflectors: {brighter:.0f} × as bright as walls"
     return Subject(
         "To a laser, reflectors outshine all else",
         float(times[late[most]]),
         _nearest(run, late[most], scan.points()[seen[most]]),
-        f"Reflectors: {words}",
-        found=f"{counted(counts[most], 'reflector')} at once, {words}",
+        words,
+        found=words,
         told=True,
     )

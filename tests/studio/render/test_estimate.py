@@ -11,8 +11,7 @@ from matplotlib.text import Text
 from test_render import city_run, drawn, needs_gl
 
 from lrf3d.studio.figures.figures import draw_map
-from lrf3d.studio.figures.plot import CLOSED, HIT, estimate
-from lrf3d.studio.scene.look import ESTIMATE_COLOUR
+from lrf3d.studio.figures.plot import CLOSED, ESTIMATE, HIT, estimate
 
 RENDERERS = [pytest.param("gl", marks=needs_gl), "embree"]
 
@@ -23,7 +22,7 @@ def shown(run, **options):
     pictures = [drawn(run, 3.9, size=(480, 270), layers=layers, **options) for layers in trails]
     red, green, blue = np.moveaxis(pictures[1], 2, 0)
     changed = np.abs(pictures[1] - pictures[0]).max(axis=2) > 20
-    return changed & (red > green + 60) & (blue > green + 30), changed & (green > blue + 50)
+    return changed & (green > red + 40) & (blue > red + 60), changed & (green > blue + 50)
 
 
 @pytest.mark.parametrize("renderer", RENDERERS)
@@ -64,9 +63,7 @@ def test_the_map_shows_both_paths_and_the_ellipses_and_loops_where_they_are_aske
     assert closed == pytest.approx(places[[0, -1]]) and dropped == pytest.approx(places[[1, 2]])
     ellipses = [each for each in figure.axes[0].collections if isinstance(each, PolyCollection)]
     rings = [
-        each
-        for each in ellipses
-        if np.allclose(each.get_edgecolor()[0][:3], to_rgb(ESTIMATE_COLOUR))
+        each for each in ellipses if np.allclose(each.get_edgecolor()[0][:3], to_rgb(ESTIMATE))
     ]
     assert rings and all(not len(each.get_facecolor()) and each.get_paths() for each in rings)
 

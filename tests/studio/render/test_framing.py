@@ -106,7 +106,7 @@ def test_the_wall_that_most_maps_miss_is_named_with_how_far_its_hits_scatter():
         compared = Comparison(scenes, size, "")
         assert compared._cell[0] == wide
         assert len({tuple(each.letters) for each in compared.maps}) == 1
-    worst = "2: 10 of 12 walls found; missed: 92 cm, 1.4 m"
+    worst = "▼ 2: 10 of 12 walls found; missed: 92 cm, 1.4 m"
     assert compared.card()[::3] == ("Short walls are lost in noise first", worst)
 
 

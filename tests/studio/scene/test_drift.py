@@ -35,18 +35,19 @@ def drifting(closures):
     return replace(run, estimate=estimate)
 
 
-def test_odometry_alone_drifts_round_a_loop_and_what_was_hit_comes_back_in_the_end():
+def test_odometry_alone_drifts_round_a_loop_and_what_was_hit_with_it_and_one_line_says_how_far():
     run = drifting([(0, 2), (8, 0)])
     drift = Drift.of(run, np.zeros(2))
     assert drift.loop == (0, 8) and drift.off(8.0) == pytest.approx(0.8)
     subject = subject_of(run, 1.0)
     assert (subject.since, subject.moment) == (0.0, 8.0)
-    assert subject.after == "Back after 7.8 m: odometry is 80 cm off"
-    assert said(run, "end")[1] == "━ Odometry alone ends 1.0 m off"
+    assert subject.after == "Back after 7.8 m: red shows the drift"
+    assert said(run, "proof", time=8.0)[-2:] == ("━ odometry alone", "━ gap 80 cm")
+    assert said(run, "end")[1:3] == ("━ odometry alone", "━ gap 1.0 m")
     hits = [scan.points() for scan in run.scans]
     moved = np.repeat(0.1 * np.arange(len(run)), [len(each) for each in hits])
-    x, y, _ = Astray(run, drift).points(len(run), 0.25, 1.0).places.T
-    back = np.column_stack([x, y - 0.75 * moved])
+    places = Astray(run, drift).points(len(run)).places
+    back = places[:, :2] - moved[:, None] * [0.0, 1.0]
     assert back == pytest.approx(np.concatenate(hits), abs=1e-4)
     # Neither there and back is a loop, nor one that odometry alone closes, too.
     assert Drift.of(drifting([(0, 2)]), np.zeros(2)).loop is None
