@@ -242,6 +242,12 @@ class FreeSpace:
         found = int(np.argmin(away))
         return found if away[found] <= self.radius + MARGIN + self.ground.size else None
 
+    def why_missed(self, place: Float) -> str:
+        """Why no free place is near to a place (2,) [m] of the world."""
+        free = self.ground.world.free
+        seen = free is None or free.contain(place[None])[0]
+        return "no way leads there" if seen else "the map does not show that ground"
+
     @property
     def side(self) -> Side:
         """The side of the walls. In a map what is unknown may look like the outside."""

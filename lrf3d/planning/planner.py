@@ -168,8 +168,8 @@ def _legs(space: FreeSpace, goals: Float, missed: list[Note]) -> list[Int]:
     for goal in goals:
         there = space.nearest(goal)
         if there is None:
-            x, y = goal
-            missed.append(Note(f"the goal ({x:.2f}, {y:.2f}) is not reached: walls are in the way"))
+            place = "({:.2f}, {:.2f})".format(*goal)
+            missed.append(Note(f"the goal {place} is not reached: {space.why_missed(goal)}"))
         elif here is not None and there != here:
             legs += paths_from(space, here, np.array([there]))
             here = there
@@ -196,8 +196,7 @@ def _check(world: World, where: Side | None, *sizes: float | None) -> None:
     """Check a world, the side of its walls, and sizes of a robot, where these are given."""
     given = [size for size in sizes if size is not None]
     if not (is_finite(*given) and min(given) > 0.0):
-        radius, speed, range_max, lookahead, _ = sizes
-        found = f"radius {radius}, speed {speed}, range_max {range_max}, lookahead {lookahead}"
+        found = "radius {}, speed {}, range_max {}, lookahead {}".format(*sizes)
         raise InputError(f"{found}: expected positive numbers")
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {shown(where)}: expected 'inside', 'outside' or None")

@@ -340,11 +340,15 @@ class Doorway(Decision):
         across = np.array([-along[1], along[0]])
         half = 0.5 * self.width * along
         deep = THICKEST_WALL * across
-        box = shapely.Polygon([place + s * half + t * deep for s, t in _CORNERS])
+        box, middle = (
+            shapely.Polygon([place + share * s * half + t * deep for s, t in _CORNERS])
+            for share in (1.0, 2.0 * PASSAGE)
+        )
         parallel = np.abs(directions(parts.segments[stands]) @ across) < PARALLEL
         met = np.flatnonzero(parallel & shapely.intersects(lines, box))
         off = (parts.segments[stands[met], :2] - place) @ across
-        faces = _faces(off)
+        # Lines that only end at a side of the opening are no faces of the wall.
+        faces = _faces(off[shapely.intersects(lines[met], middle)])
         chosen = np.zeros(len(parts.segments), dtype=bool)
         chosen[stands[met[np.isin(np.round(off, 3), np.round(faces, 3))]]] = True
         cut = _without(plan, box, chosen)

@@ -128,6 +128,15 @@ def test_walls_are_moved_and_cut_and_a_wall_of_two_faces_gets_a_doorway_with_jam
     assert plan.world(tmp_path / "w.geojson").object_count == 5
 
 
+def test_a_doorway_goes_through_a_wall_whose_third_line_ends_at_its_side(tmp_path):
+    nearer = [[0, 0.14, 2.5, 0.14], [3.5, 0.14, 8, 0.14]]
+    walls = [[0, 0, 8, 0], [0, -0.15, 8, -0.15], *nearer]
+    save_world(World(walls), tmp_path / "w.geojson")
+    plan = read_plan(tmp_path / "w.geojson", [Doorway([3, 0], 1.0)])
+    across = np.abs(plan.segments[:, [0, 2]] - 3.0).max(axis=1) < 0.5
+    assert not across.any() and len(plan.segments) == 8
+
+
 def test_a_picture_is_read_by_the_scale_that_was_pointed_out(tmp_path):
     pixels = np.full((400, 500), 255, np.uint8)
     pixels[50:350, 60:440] = 0

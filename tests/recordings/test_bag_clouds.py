@@ -118,14 +118,20 @@ def test_a_tilted_or_hanging_lidar_is_made_level(tmp_path):
         assert np.abs(near).min(axis=0).max() < 1e-4
 
 
-def test_lines_of_a_rosette_are_not_rings(tmp_path):
-    lidar = lrf3d.Lidar(np.radians(np.linspace(-12, 12, 25)), columns=720, mount=(0, 0, 0.8))
-    scan = cast((0, 0, 0), lidar)
+@pytest.mark.parametrize("name", ["line", "intensity"])
+def test_without_rings_far_walls_are_seen_and_no_floor(name, tmp_path):
+    hall = lrf3d.World([[-25, -25, 25, -25], [25, -25, 25, 25], [25, 25, -25, 25],
+                        [-25, 25, -25, -25]])  # fmt: skip
+    lidar = lrf3d.Lidar(np.radians(np.linspace(-11.5, 11.5, 24)), columns=720, mount=(0, 0, 0.3))
+    scan = lrf3d.PlanarCaster(hall).cast_lidar(lidar, (0, 0, 0))
+    # Each line of a rosette is level on average, and has points of all heights.
     mixed = np.random.default_rng(0).integers(4, size=len(scan.rings))
-    log = load_log(bag(tmp_path / "b", cloud(scan, 0.0, "f4 f4 f4", ring="", line=("u1", mixed))))
-    # Each is level on average, and has points of all heights, as near as 3 m.
-    assert "points within 0.2 m of the lidar's height" in log.notes[0]
-    assert "720 beams" in log.notes[0] and log.scans[0].ranges.min() > 3 - 1e-5
+    log = load_log(
+        bag(tmp_path / "b", cloud(scan, 0.0, "f4 f4 f4", ring="", **{name: ("u1", mixed)}))
+    )
+    assert "points within 0.2 m of the lidar's height, or up to 1.2° above it" in log.notes[0]
+    assert "720 beams" in log.notes[0]
+    assert 25 - 1e-5 < log.scans[0].ranges.min() and log.scans[0].ranges.max() < 36
 
 
 def quaternion(*turns):

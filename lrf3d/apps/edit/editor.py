@@ -346,4 +346,4 @@ def _doubt_of_goal(space: FreeSpace, goal: Float) -> str:
     short = np.hypot(*(space.places + space.ground.world.origin - goal).T).min()
     if gap < space.radius and short > SHORT:
         return f"too near to a wall: the robot stops {short:.1f} m short"
-    return "no way leads there" if space.nearest(goal) is None else ""
+    return space.why_missed(goal) if space.nearest(goal) is None else ""

@@ -10,6 +10,7 @@ from PIL import Image
 from lrf3d import InputError, PlanarCaster, World, load_scenario, load_world, save_world
 from lrf3d.apps.edit.editor import Editor
 from lrf3d.plans.edits import read_edits
+from lrf3d.world.free_cells import FreeCells
 
 pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.base.errors.Lrf3dNote")
 
@@ -73,6 +74,15 @@ def test_goals_and_rooms_that_are_not_reached_are_named_with_the_reason(tmp_path
     assert unpacked(editor.route())[0]["notes"] == []
     # An obstacle whose way is one place stands.
     assert np.ptp(editor.scenario.obstacles[0].path.at([0, 9]), axis=0).max() == 0.0
+
+
+def test_a_goal_where_a_map_shows_no_ground_is_named_with_the_reason(tmp_path):
+    free = FreeCells(np.pad(np.ones((50, 40), bool), ((0, 0), (0, 40))), 0.1)
+    walls = [[0, 0, 4, 0], [4, 0, 4, 5], [4, 5, 0, 5], [0, 5, 0, 0]]
+    save_world(World(walls, free=free), tmp_path / "map.geojson")
+    editor = Editor(tmp_path / "map.geojson")
+    editor.decide({"robot": {"start": [1, 1, 0], "route": [[3, 4], [6, 3]]}})
+    assert unpacked(editor.rooms())[0]["goals"] == ["", "the map does not show that ground"]
 
 
 def test_rooms_around_an_open_one_with_the_robot_lack_a_wall(tmp_path):

@@ -2,9 +2,10 @@
 
 from functools import partial
 
+import numpy as np
 import pytest
 from browser import needs_browser, opened, served
-from PIL import Image, ImageOps
+from PIL import Image, ImageDraw, ImageOps
 from waiting import until
 
 from lrf3d.plans.edits import read_edits
@@ -77,9 +78,11 @@ def test_a_world_is_drawn_from_nothing_by_mouse_and_keyboard(tmp_path, chromium)
         click(page, 7, 5)
         until(lambda: read_edits(journal).as_dict().get("robot", {}).get("route"))
         page.keyboard.press("k")
-        drag(page, (6.5, 2.5), (7.5, 3.5))
+        # An area may be thin: its corners are not drawn into line.
+        drag(page, (6.5, 2.5), (7.5, 2.62))
         until(lambda: read_edits(journal).as_dict().get("keep_out"))
-        assert len(read_edits(journal).as_dict()["keep_out"][0]["points"]) == 4
+        (area,) = read_edits(journal).as_dict()["keep_out"]
+        assert np.ptp(area["points"], axis=0) == pytest.approx([1.0, 0.12], abs=0.04)
         until(lambda: page.inner_text(".lrf3d-rooms") == "2 rooms, 2 reached")
         until(lambda: page.evaluate("(editor.sheet.route ?? []).length > 1"))
 
@@ -174,3 +177,22 @@ def test_a_drag_of_the_threshold_is_one_step(tmp_path, chromium):
         page.mouse.up()
         page.keyboard.press("Control+z")
         until(partial(threshold_is, None))
+
+
+@needs_browser
+def test_furniture_that_was_left_out_of_a_picture_is_made_solid_by_a_click_and_a_key(
+    tmp_path, chromium
+):
+    path = tmp_path / "flat.png"
+    picture = ImageOps.expand(Image.new("L", (160, 120), 255), 4, 0)
+    ImageDraw.Draw(picture).rectangle((40, 40, 56, 50), 225)
+    picture.save(path)
+    journal = tmp_path / "flat.png.edit.toml"
+    with served(path, command="edit") as address, opened(chromium, address, (1000, 640)) as page:
+        # The page begins with the question of the scale.
+        until(lambda: page.evaluate("Boolean(editor.sheet.picture)"))
+        page.keyboard.press("v")
+        click(page, *page.evaluate("[48, 83].map((pixels) => pixels * editor.sheet.plan.unit)"))
+        page.keyboard.press("2")
+        (box,) = kept(page, journal)["wall"]
+        assert box["closed"] and box["height"] == 0.8 and len(box["points"]) == 4

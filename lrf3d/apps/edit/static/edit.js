@@ -49,6 +49,7 @@ const editor = {
     Object.assign(sheet, { route: null, doubts: [] });
     for (const each of Object.values(tools)) Object.assign(each, { over: -1, one: null });
     part("saved").textContent = `${what} …`;
+    roomsAreOld(true);
     send({ do: "keep", edits: decisions });
     this.pending += 1;
     this.what = what;
@@ -218,6 +219,11 @@ let socket;
 const escaped = (name) => name.replace(/[[*?]/g, "[$&]");
 const send = (values) => socket.send(JSON.stringify(values));
 const note = (text) => (part("note").textContent = text);
+// Rooms are counted anew after each decision; until then the count has dots.
+function roomsAreOld(old) {
+  const count = part("rooms").textContent.replace(" …", "");
+  part("rooms").textContent = old && count ? `${count} …` : count;
+}
 const rounded = (point) => point.map((each) => Math.round(1e4 * each) / 1e4);
 // Doors are about as wide as this [m].
 const usual = (width) => width >= 0.5 && width <= 2;
@@ -389,6 +395,7 @@ const TAKE = {
       editor.pending -= 1;
       sheet.plan.edits = editor.past.pop() ?? sheet.plan.edits;
       part("saved").textContent = "not taken";
+      roomsAreOld(false);
     }
     sheet.held = null;
     editor.refit = false;

@@ -4,6 +4,7 @@ import { COLOURS } from "./sheet.js";
 
 const LOW = 1.25; // Height below which a wall that was drawn is one of furniture [m].
 const REACH = 9; // Distance within which something is pointed at [pixels].
+const BELOW = 2; // Distance by which what stands may be farther than what is left out [pixels].
 const away = ([x1, y1], [x2, y2]) => Math.hypot(x2 - x1, y2 - y1);
 const rounded = (point) => point.map((each) => Math.round(1e4 * each) / 1e4);
 const metres = (length) => `${length.toFixed(2)} m`;
@@ -48,14 +49,16 @@ export class Finder {
 
   // The nearest stroke to a point [m], of those that fit.
   stroke(point, fits = () => true) {
-    const { strokes, kinds, ox, oy } = this.sheet.plan;
+    const { strokes, kinds, heights, ox, oy } = this.sheet.plan;
+    const { scale } = this.sheet.view;
     const [x, y] = [point[0] - ox, point[1] - oy];
-    let [best, least] = [-1, REACH / this.sheet.view.scale];
+    let [best, least] = [-1, REACH / scale];
     for (let row = 0; row < kinds.length; row += 1) {
       const [x1, y1, x2, y2] = [strokes[4 * row], strokes[4 * row + 1], strokes[4 * row + 2], strokes[4 * row + 3]];
       if (Math.min(x1, x2) - least > x || Math.max(x1, x2) + least < x || Math.min(y1, y2) - least > y || Math.max(y1, y2) + least < y) continue;
-      const off = away([x, y], foot([x, y], [x1, y1], [x2, y2]));
-      // Of two at one place the last one is on top.
+      // What is left out lies below what stands. Of two at one place the last one is on top.
+      const below = heights[row] > 0 ? 0 : BELOW / scale;
+      const off = away([x, y], foot([x, y], [x1, y1], [x2, y2])) + below;
       if (off <= least && fits(row)) [best, least] = [row, off];
     }
     return best;
@@ -247,6 +250,8 @@ export function makeTools(editor) {
 
   const boxed = (from, to) => [from, [to[0], from[1]], to, [from[0], to[1]]];
 
+  const hasArea = (from, to) => Math.min(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1])) >= 0.05;
+
   // Tools that take points until Enter, or until a line comes back to its beginning. Some keep what is drawn when they are left.
   const polyline = (keep, least, closes, word, { alone = "", keeps = false }) => ({
     points: [],
@@ -259,7 +264,8 @@ export function makeTools(editor) {
       if (keeps) this.finish(false);
     },
     at(event) {
-      const last = this.points.at(-1);
+      // The corner across from the first one lies in any direction from it.
+      const last = this.drags(event) ? undefined : this.points.at(-1);
       let { point, to } = event.altKey ? { point: event.point, to: "" } : finder.snap(event.point, last, this.points.at(-2));
       const first = this.points[0];
       if (first && this.points.length >= 3 && away(event.point, first) < (REACH + 2) / sheet.view.scale) [point, to] = [first, "close"];
@@ -285,8 +291,9 @@ export function makeTools(editor) {
     },
     // An area may be dragged from corner to corner, too.
     up(event) {
-      if (this.drags(event)) {
-        this.points = boxed(this.points[0], this.at(event).point);
+      const { point } = this.at(event);
+      if (this.drags(event) && hasArea(this.points[0], point)) {
+        this.points = boxed(this.points[0], point);
         this.finish(true);
       }
       this.pressed = null;
@@ -367,7 +374,7 @@ export function makeTools(editor) {
     finish() {
       const { from, to } = this;
       this.start();
-      if (Math.min(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1])) < 0.05) return;
+      if (!hasArea(from, to)) return;
       editor.change(`${what} drawn`, (edits) => (edits.wall ??= []).push({ points: boxed(from, to).map(rounded), closed: true, ...style() }));
     },
     draw(context) {
@@ -394,13 +401,14 @@ export function makeTools(editor) {
       stays,
       says() {
         if (this.one && exists(this.one)) return named(this.one);
-        if (this.thing) return `${boxSize(this.thing)} left out: click it, then 2 makes it furniture`;
-        return this.over >= 0 ? editor.described(this.over) : "";
+        const thing = this.thing ? `${boxSize(this.thing)} left out: click it, then 2 makes it furniture` : "";
+        return [this.over >= 0 && editor.described(this.over), thing].filter(Boolean).join(" · ");
       },
       down(event) {
         const row = finder.stroke(event.point);
         const one = decided(event.point, row, true);
-        const thing = one ? null : thingAt(event.point, row);
+        // With Shift strokes are picked one after another, furniture or not.
+        const thing = one || event.shiftKey ? null : thingAt(event.point, row);
         const whole = one?.table === "wall" && event.twice && { one: { table: "wall", number: one.number } };
         if (whole) return editor.pick(whole);
         if (one && one.place !== undefined) return (this.drag = { one, edits: structuredClone(sheet.plan.edits) });

@@ -6,7 +6,8 @@ points make a scan is decided in this order:
 - a band of heights that the user gives, in the frame of the robot, or in that of the lidar if it is
   not known where the lidar is mounted;
 - the ring nearest to the level, where points have rings and one of them is about level;
-- a band around the height of the lidar.
+- a band around the height of the lidar; where the layers of points are unknown, it widens upwards
+  with the distance, so that one of them is in it at any distance, and a level floor is not.
 
 Points have times where a field has a usual name for them and its values fit one revolution.
 """
@@ -52,6 +53,10 @@ MOST = 0.9
 
 # [m] Half the height of the band around a lidar without a level ring.
 HALF_BAND = 0.2
+
+# [rad] The largest elevation of the first layer above the level: layers are up to 2.2° apart, and
+# half of that on either side of it.
+RISE = 0.021
 
 # Number of points of a ring from which the step of its bearings is known.
 ENOUGH = 30
@@ -171,6 +176,7 @@ class CloudScans:
     _words: str = ""
     _clouds: int = 0
     _still: int = 0
+    _rises: bool = False
 
     def scan(self, message: Any, stamp: int) -> tuple[LaserScan, int]:
         """The scan of a message, and when its first beam was sent [ns]; see `cloud_points`."""
@@ -186,7 +192,7 @@ class CloudScans:
         bearings = np.arctan2(y, x)
         if not self._beams:
             self._choose(np.column_stack([x, y, z]), bearings, rings)
-        chosen = self._chosen(z, rings)
+        chosen = self._chosen(x, y, z, rings)
         outside = "point of other heights" if self._ring is None else "point of another ring"
         self.balance.leave(outside, int((~chosen).sum()))
         turning = self._turning(bearings, times, NANO * stamp)
@@ -250,31 +256,34 @@ class CloudScans:
                 self._ring = int(numbers[best])
                 above = f"{np.degrees(usual[best]):.1f}° above the level"
                 self._words = f"ring {self._ring} of {len(numbers)}, {above} (or give --height)"
-        if self._ring is None:
-            self._words = self._band_words()
         order = np.argsort(bearings[like])
         # Without rings, and in lines of a rosette, bearings of several layers lie between each
         # other; neighbours on a ring are of one height, even on a tilted one.
         apart = np.median(np.abs(np.diff(elevations[like][order]))) if len(ranked) else np.inf
         step = step_of(bearings[like][order]) if apart < LEVEL else USUAL_STEP
+        if self._ring is None:
+            self._words = self._band_words(rises=bool(apart >= LEVEL))
         self._beams = round(2.0 * np.pi / step)
         self._words += f", {counted(self._beams, 'beam')}"
 
-    def _band_words(self) -> str:
+    def _band_words(self, *, rises: bool) -> str:
         """Set the band of heights if none was given; the band in words."""
         above = self.base or "the lidar, whose mount is unknown"
         if self.band is not None:
             return f"points from {self.band[0]:g} to {self.band[1]:g} m above {above}"
+        self._rises = rises
         self.band = self.height - HALF_BAND, self.height + HALF_BAND
-        return f"points within {HALF_BAND:g} m of the lidar's height (or give --height)"
+        above = f", or up to {np.degrees(RISE):.1f}° above it" if rises else ""
+        return f"points within {HALF_BAND:g} m of the lidar's height{above} (or give --height)"
 
-    def _chosen(self, z: Float, rings: Int | None) -> Bool:
-        """Which points (n,) may make a scan, by their heights above the lidar and their rings."""
+    def _chosen(self, x: Float, y: Float, z: Float, rings: Int | None) -> Bool:
+        """Which points (n,) may make a scan, by their places from the lidar and their rings."""
         if self._ring is not None:
             chosen: Bool = rings == self._ring if rings is not None else np.zeros(len(z), np.bool_)
             return chosen
         low, high = self.band or (0.0, 0.0)
-        return (low <= z + self.height) & (z + self.height <= high)
+        top = np.maximum(high, self.height + RISE * np.hypot(x, y)) if self._rises else high
+        return (low <= z + self.height) & (z + self.height <= top)
 
     def _turning(self, bearings: Float, times: Float | None, stamp: float) -> Turning:
         """How the lidar turned, by the times of its points, if these fit."""
