@@ -198,9 +198,9 @@ class Comparison:
         timelines = [each.timeline for each in scenes.values()]
         runs: list[Any] = [each.run for each in timelines]
         self.runs = runs
-        # Parts of walls, and the number of maps that miss each of them.
-        self._missed = missed_by(runs)
-        parts, counts = self._missed
+        parts, counts = missed_by(runs)
+        # What all maps miss is not lost by more noise.
+        self._lost = lengths(parts[counts < len(runs)])
         most = counts.max(initial=0)
         close = parts[counts == most][:1]
         for each in self.maps:
@@ -256,9 +256,7 @@ class Comparison:
             words = ", ".join(metres(long) for long in missed.tolist())
             named = f"; missed: {words}" * (0 < len(missed) <= _NAMED)
             rows.append(f"{each.name}: {len(seen) - len(missed)} of {len(seen)} walls found{named}")
-        # What all maps miss is not lost by more noise.
-        parts, counts = self._missed
-        longest = lengths(parts[counts < len(self.runs)]).max(initial=0.0)
+        longest = self._lost.max(initial=0.0)
         short = 0.0 < longest < max((np.median(seen) for seen in walls), default=0.0)
         head = "Short walls are lost in noise first" if short else self.title
         return (head, *rows) if sum(map(len, walls)) else ("",)
