@@ -15,7 +15,7 @@ from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Bool, Float
 from lrf3d.plans.rules.doors import Door
 from lrf3d.plans.rules.enclosure import closes_rooms, drawn_cells, shut_share
-from lrf3d.plans.rules.sheet import may_be_framed, plans_apart
+from lrf3d.plans.rules.sheet import plans_apart
 from lrf3d.world.model import SHEET, World
 
 # Least and largest width [m] of a door that is not doubted: a cupboard's, and a double door's.
@@ -57,8 +57,6 @@ def of_walls(doors: Sequence[Door]) -> str:
 
 def of_rooms(walls: Float) -> str:
     """A doubt about walls (n, 4) [m] that hardly close a room, or rooms without doors."""
-    if may_be_framed(walls):
-        return FRAMED
     return "" if len(walls) <= FEW else of_cells(*drawn_cells(walls))
 
 
@@ -74,9 +72,6 @@ def of_pictures(share: float) -> str:
     """A doubt about pictures that cover a share of a drawing."""
     return f"a picture covers {min(share, 1):.0%} of it and is not read" if share > PICTURED else ""
 
-
-# The doubt about walls in a frame.
-FRAMED = "is what is around it the frame of a sheet, with its title block?"
 
 # The doubt about walls that close no room.
 NO_ROOM = "hardly any of it closes a room: is it a plan?"

@@ -9,7 +9,6 @@ from drawn import dxf, pdf
 from ezdxf import xref
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from synthetic_run import box
 
 from lrf3d import LaserRangeFinder, PlanarCaster, load_world, read_plan
 from lrf3d.base.errors import Lrf3dNote, WorldError
@@ -221,14 +220,6 @@ def row_of_rooms(count, open_):
     return np.array(sides + inner, float)
 
 
-def framed(rows):
-    """A shed in a box of a paper's proportions, with a table of some rows in its corner."""
-    wide = 6.0 * 2.0**0.5
-    heights = (np.arange(rows) + 1) / rows
-    lines = [[wide - 3, 0, wide - 3, 1], *([wide - 3, y, wide, y] for y in heights)]
-    return np.vstack([box(0, 0, wide, 6), box(1, 3, 4, 2), box(2, 4, 1, 0.5), lines])
-
-
 @pytest.mark.parametrize("code", [0, 6])
 def test_a_usual_size_is_doubted_by_its_doors_unless_the_drawing_names_its_unit(code, tmp_path):
     def draw(space):
@@ -252,8 +243,6 @@ def test_a_usual_size_is_doubted_by_its_doors_unless_the_drawing_names_its_unit(
         (doubts.of_thick(np.array([True] * 8), np.array([True] * 4 + [False] * 4)), "50% of"),
         (doubts.of_rooms(np.array([[n, 0, n, 1] for n in range(20)], float)), doubts.NO_ROOM),
         (doubts.of_rooms(np.array([[0, 0, 9, 0]], float)), ""),
-        # In a frame there is a title block, in a hall an office.
-        (doubts.of_rooms(framed(rows=4)), doubts.FRAMED), (doubts.of_rooms(framed(rows=1)), ""),
         # Rooms in a row; each has a door to the next, or the last of them has none.
         (doubts.of_rooms(row_of_rooms(4, open_=3)), ""),
         (doubts.of_rooms(row_of_rooms(4, open_=2)), "no door leads to 25% of the rooms"),

@@ -125,7 +125,6 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     if even is None:
         left_out.leave_pale(*_pale(contrast, dark, pixels))
     stands = left_out.without("coloured part", dark, *_marked(colours, dark))
-    left_out.coloured = dark & ~stands
     # A thick area is a floor if it is pale.
     floors = _floors(stands & (lightness < 0.5), key, pixels)
     drawn = left_out.without("floor", stands, *floors)
@@ -223,14 +222,13 @@ def _cleaned(drawn: Bool, pixels: float, left_out: LeftOut) -> tuple[Bool, Bool,
     # In a plan of thin lines, thick parts are lettering, or some columns.
     share = extent_of(solid & building) / max(extent_of(dark), 1.0)
     if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
-        # Walls may have a colour, and something else be black or grey.
-        coloured = _opened(left_out.coloured, _half_thin(pixels))
-        left_out.thick, _ = _large(solid | coloured, LARGEST_DOOR * pixels)
+        left_out.thick, _ = _large(solid, LARGEST_DOOR * pixels)
         strokes = dark & ~grown(solid, RIM)
         apart, outside = parts_of((strokes | solid) & ~building)
         left_out.outside = int(sides_of(apart).prod(axis=1).max(initial=0))
         left_out.without("outside part", dark, ~building, outside)
         thin = _thin_walls(strokes & building, solid, pixels, left_out)
+        thin = [sides[~_goes_on(sides, building, dark, pixels)] for sides in thin]
         solid &= building
     else:
         solid = dark
@@ -375,6 +373,22 @@ def _is_aside(solid: Bool, bars: Bool, pixels: float) -> bool:
         for dark, metre in (reduced(each, pixels) for each in (solid, solid & ~bars))
     )
     return rest > whole
+
+
+def _goes_on(sides: Float, building: Bool, dark: Bool, pixels: float) -> Bool:
+    """Which sides (n, 4) [pixels] go on out of the building at both ends: axes and dimensions."""
+    found = np.ones(len(sides), dtype=bool)
+    ink = grown(dark, 1.0)
+    most = np.array(dark.shape)[::-1] - 1
+    steps = np.arange(int(np.hypot(*dark.shape)))[:, None]
+    for row, (side, along) in enumerate(zip(sides, directions(sides), strict=True)):
+        for end, sign in ((side[:2], -1.0), (side[2:], 1.0)):
+            line = np.floor(end + sign * steps * along).astype(np.int64)
+            line = line[((line >= 0) & (line <= most)).all(axis=1)]
+            inside = np.flatnonzero(building[line[:, 1], line[:, 0]])
+            beyond = line[inside[-1] + 1 :][: int(0.4 * pixels)] if len(inside) else line[:0]
+            found[row] &= len(beyond) > 2 and ink[beyond[:, 1], beyond[:, 0]].mean() > 0.8
+    return found
 
 
 def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: LeftOut) -> list[Float]:

@@ -18,8 +18,6 @@ class LeftOut:
     def __init__(self, dark: Bool) -> None:
         self.dark = dark
         self.parts = Counter[str]()
-        # Which pixels are in coloured parts.
-        self.coloured = np.zeros_like(dark)
         # Which pixels are in large parts as thick as walls.
         self.thick = np.zeros_like(dark)
         # Area [pixels] of the box around the largest part that is not of the building.

@@ -41,10 +41,6 @@ THICKEST_WALL = 0.3
 # Width [m] of the rim of a sheet that holds the lines of its frame.
 MARGIN = 0.6
 
-# Height [m] of the rows of a small title block, and most parts of a room that are as low.
-ROW = 0.35
-LOW_PARTS = 3
-
 # Proportions of sheets of paper, of ISO 216 and of North America.
 PAPER = np.array([2**0.5, 17 / 11, 11 / 8.5, 4 / 3, 3 / 2])
 
@@ -259,23 +255,11 @@ def _extensions(segments: Float, tree: Any, along: Float, places: Float, found: 
     return np.unique(lines[other[kept]])
 
 
-def may_be_framed(segments: Float) -> bool:
-    """Whether segments (n, 4) may be a drawing too small for a plan in the frame of a sheet.
-
-    The frame has the proportions of paper, and a table at its sides, with low rows.
-    """
-    framed = as_lines(segments[is_frame(segments, sheet=False, small=True)])
-    cells = shapely.get_parts(shapely.polygonize([shapely.union_all(framed)]))
-    low = 2.0 * shapely.area(cells) < ROW * shapely.length(cells)
-    return int(low.sum()) > LOW_PARTS
-
-
-def is_frame(segments: Float, sheet: bool, small: bool = False) -> Bool:
+def is_frame(segments: Float, sheet: bool) -> Bool:
     """Which segments (n, 4) are the frame of a sheet and its title block.
 
     A frame is the box around all, or all but words, with a plan in it that does not touch it. One
-    more sign must show a sheet: its proportions, a title block at its sides, or `sheet`. Around a
-    `small` drawing, which is no plan, proportions and a title block must.
+    more sign must show a sheet: its proportions, a title block at its sides, or `sheet`.
     """
     found = np.zeros(len(segments), dtype=bool)
     if not len(segments):
@@ -292,13 +276,11 @@ def is_frame(segments: Float, sheet: bool, small: bool = False) -> Bool:
             reach = np.concatenate([ends - low, high - ends], axis=2)
             drawn = long @ (np.abs(reach.max(axis=1)) < near)
             if sides.min() > 0.0 and (drawn > 0.98 * sides[[1, 0, 1, 0]]).all():
-                return _is_of_box(segments, reach, sides, runs, sheet, small)
+                return _is_of_box(segments, reach, sides, runs, sheet)
     return found
 
 
-def _is_of_box(
-    segments: Float, reach: Float, sides: Float, runs: Bool, sheet: bool, small: bool
-) -> Bool:
+def _is_of_box(segments: Float, reach: Float, sides: Float, runs: Bool, sheet: bool) -> Bool:
     """Which segments (n, 4) are of a box of sides (2,) [m] and its title block, if it is a frame.
 
     The distances [m] of their ends from the sides of the box are reach (n, 2, 4); those that run
@@ -320,12 +302,7 @@ def _is_of_box(
     paper = np.abs(PAPER - sides.max() / sides.min()).min() < 0.02
     beside = (reach[inner] < 1.01 * MARGIN).any()
     held = plan > max(LEAST_PLAN, 0.12 * sides.prod(), 1.5 * titles)
-    signs = [held, any([paper, beside, sheet])]
-    if small:
-        # Outer walls have two faces.
-        single = lengths(segments[rim]).sum() < 3.0 * sides.sum()
-        signs = [plan > 0.0, titles > 0.0, paper, single]
-    if not all(signs):
+    if not (held and (paper or beside or sheet)):
         return found
     found[inner] = block[near[part]]
     return rim | found
