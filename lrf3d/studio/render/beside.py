@@ -18,7 +18,7 @@ from lrf3d.studio.scene.found import (
     has_false_walls,
     hits_on,
     lost_after,
-    missed_most,
+    missed_by,
     visible_to,
 )
 from lrf3d.studio.scene.inset import InsetView
@@ -169,8 +169,7 @@ class MapBeside:
         order = "walls in the map" if own else "walls, early to late"
         walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
         if (self._among_robots or not self._colours) and has_false_walls(run):
-            why = "robots taken for walls" if self._among_robots else "false walls"
-            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), (why, PALE)))
+            walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
         return [
             *walls * bool(len(run.maps)),
             self._row(seen, ("seen by the laser", PALE)),
@@ -199,7 +198,11 @@ class Comparison:
         timelines = [each.timeline for each in scenes.values()]
         runs: list[Any] = [each.run for each in timelines]
         self.runs = runs
-        close = missed_most(runs)
+        parts, counts = missed_by(runs)
+        # What all maps miss is not lost by more noise.
+        self._lost = lengths(parts[counts < len(runs)])
+        most = counts.max(initial=0)
+        close = parts[counts == most][:1]
         for each in self.maps:
             each.close = close
             # All names are as large, and so are all numbers.
@@ -210,8 +213,7 @@ class Comparison:
             each.run.trajectory.times.max() + _CLOSE_LASTS * each.playback for each in timelines
         ]
         self.until = max(ends, default=-np.inf)
-        missed = sum((lost_after(run, len(run) - 1) == close).all(axis=1).any() for run in runs)
-        by = f"by {missed} of {len(runs)} maps"
+        by = f"by {most} of {len(runs)} maps"
         lost = [f"A wall of {metres(long)} is missed {by}" for long in lengths(close).tolist()]
         self._heads = [
             [
@@ -255,7 +257,7 @@ class Comparison:
             named = f"; missed: {words}" * (0 < len(missed) <= _NAMED)
             found = f"{each.name}: {len(seen) - len(missed)} of {len(seen)} walls found{named}"
             rows.append(f"{PINNED} " * bool(len(missed)) + found)
-        longest = max((missed.max(initial=0.0) for missed in lost), default=0.0)
+        longest = self._lost.max(initial=0.0)
         short = 0.0 < longest < max((np.median(seen) for seen in walls), default=0.0)
         head = "Short walls are lost in noise first" if short else self.title
         return (head, *rows) if sum(map(len, walls)) else ("",)

@@ -27,6 +27,9 @@ _SEEN = 0.06
 # Least area that a loop encloses, in that of a circle as long: what goes round twice has half.
 _ROUND = 0.6
 
+# Largest distance between its ends, in its length: an arc or a bend is not closed.
+_OPEN = 0.2
+
 # A loop is as large as others, in what the largest one encloses.
 _LARGE = 0.9
 
@@ -94,7 +97,9 @@ def _loop(poses: Float, alone: Float, closures: Int) -> tuple[int, int] | None:
     extents = np.sqrt(areas)
     off = np.hypot(*(alone - poses)[last, :2].T)
     seen = (off > _SEEN * extents) & (off < extents)
-    areas *= seen & (4.0 * np.pi * areas > _ROUND * (driven[last] - driven[first]) ** 2)
+    long = driven[last] - driven[first]
+    closed = np.hypot(*(places[last] - places[first]).T) < _OPEN * long
+    areas *= seen & closed & (4.0 * np.pi * areas > _ROUND * long**2)
     if not areas.max(initial=0.0):
         return None
     best = int(np.argmax(areas >= _LARGE * areas.max()))

@@ -90,11 +90,10 @@ def distances(run: Any, scan: int | None = None) -> str:
     return f"{np.isfinite(run.ranges[:last]).sum():,} distances"
 
 
-def missed_most(runs: Iterable[Run]) -> Float:
-    """The part of a wall (1, 4) that most maps of some runs miss; (0, 4) where none is missed."""
+def missed_by(runs: Iterable[Run]) -> tuple[Float, Int]:
+    """The parts of walls (n, 4) that the maps of some runs miss, and how many of these do (n,)."""
     lost = np.concatenate([NOTHING, *(lost_after(run, len(run) - 1) for run in runs)])
-    parts, counts = np.unique(lost, axis=0, return_counts=True)
-    return np.asarray(parts[counts == counts.max(initial=0)][:1])
+    return np.unique(lost, axis=0, return_counts=True)
 
 
 def hits_on(run: Run, part: Float) -> tuple[Float, float]:

@@ -229,7 +229,9 @@ class Story:
         proven = ["rise"] * (subject.since is not None) * (not rushes)
         if shot.name in ("proof", *proven):
             head = subject.proof if time < subject.until else subject.after
-            names = robot_names(self._timeline.run.obstacles, self.names)
+            # More robots may be there than have maps.
+            usual = robot_names(self._timeline.run.obstacles)
+            names = [*self.names, *usual[len(self.names) :]]
             return (head.format(*names), *told)
         return ("", *told)
 

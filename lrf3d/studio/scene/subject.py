@@ -7,6 +7,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
@@ -30,6 +31,9 @@ TITLE_TIME = 1.9
 
 # Number of maps or scans that are searched, at most.
 _COMPARED = 120
+
+# Distance from a false wall up to which a robot that passes may have been taken for it [m].
+_TAKEN = 0.5
 
 # Times around the moment at which a robot sees another [s].
 _AROUND = np.array([-1.0, 0.0, 1.0])
@@ -155,20 +159,26 @@ def _robots(run: Shown, since: float) -> Subject | None:
     others = [each.path for each in run.obstacles if each.is_robot]
     if not others:
         return None
+    count = "Two" if len(others) == 1 else 1 + len(others)
+    apart = Subject(f"{count} robots map apart; together they find more")
     scans, false, held = _false_walls(run, since)
     if not len(held):
-        count = "Two" if len(others) == 1 else 1 + len(others)
-        return Subject(f"{count} robots map apart; together they find more")
+        return apart
     first = held[0]
-    entered = float(run.trajectory.times[scans[first]])
-    # Where they come from, and go to.
-    there = np.array([path.at(entered + _AROUND)[:, :2] for path in others])
-    nearest = int(np.argmin(np.hypot(*(there[:, 1] - false[first].mean(axis=0)).T)))
+    times = run.trajectory.times[: scans[first] + 1]
+    paths = shapely.points([path.at(times)[:, :2] for path in others])
+    away = shapely.distance(paths, shapely.multipoints(false[first]))
+    if away.min() > _TAKEN:
+        return apart
+    nearest, scan = np.unravel_index(np.argmin(away), away.shape)
+    # Where that robot comes from, and goes to.
+    there = others[nearest].at(times[scan] + _AROUND)[:, :2]
+    entered = float(times[-1])
     return Subject(
         "To a laser, another robot is a wall",
         entered,
-        np.vstack([_nearest(run, scans[first], false[first]), there[nearest]]),
-        f"Here {{0}} meets {{{1 + nearest}}}",
+        np.vstack([_nearest(run, scans[first], false[first]), there]),
+        f"Here {{0}} sees {{{1 + nearest}}}",
         None,
         entered,
         "Red: a robot taken for a wall",

@@ -1,5 +1,6 @@
 """Cameras: the whole world, the shots of a story, and cameras that follow the robot."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 import shapely
 from test_render import box, city_run, room_run, run_of
 
+from lrf3d import DynamicObstacle, Trajectory
 from lrf3d.studio.scene import moments
 from lrf3d.studio.scene.camera import CameraPath
 from lrf3d.studio.scene.cameras import Fixed, chase, orbit, overview, top
@@ -89,6 +91,16 @@ def test_a_story_takes_a_length_and_its_shots_go_on_in_time(seconds, length, tak
         assert before.start < before.end <= after.start + 1e-9
     times = film_times("story", timeline, 25.0, length)
     assert len(times) == pytest.approx(25.0 * takes, abs=3) and (np.diff(times) > 0.0).all()
+
+
+def test_a_robot_whose_map_is_not_shown_is_another_robot_in_what_is_said():
+    path = Trajectory([0.0, 9.0], [(4.0, 3.0, 0.0)] * 2)
+    other = DynamicObstacle([[0, 0], [1, 0], [0, 1]], path, is_robot=True)
+    timeline, _, story = told(replace(room_run(), obstacles=(other,)))
+    story.names = ["robot 1"]
+    story._subject = Subject("", proof="Here {0} sees {1}")
+    story.shots = [shot._replace(name="proof") for shot in story.shots]
+    assert story._said(0, timeline.start)[0] == "Here robot 1 sees another robot"
 
 
 def test_a_story_rises_in_time_and_ends_only_after_the_run():

@@ -49,8 +49,8 @@ def test_odometry_alone_drifts_round_a_loop_and_what_was_hit_with_it_and_one_lin
     places = Astray(run, drift).points(len(run)).places
     back = places[:, :2] - moved[:, None] * [0.0, 1.0]
     assert back == pytest.approx(np.concatenate(hits), abs=1e-4)
-    # Neither there and back is a loop, nor one that odometry alone closes, too.
-    assert Drift.of(drifting([(0, 2)]), np.zeros(2)).loop is None
+    # Neither there and back is a loop, nor a bend, nor one that odometry alone closes, too.
+    assert Drift.of(drifting([(0, 2), (0, 4)]), np.zeros(2)).loop is None
     calm = replace(run, estimate=replace(run.estimate, odometry=run.estimate.poses))
     assert subject_of(calm, 1.0).moment is None
 
@@ -130,7 +130,10 @@ def test_a_robot_that_a_map_takes_for_a_wall_is_the_subject_from_when_it_does():
     met = replace(run, obstacles=(other,), maps=(run.map, wrong), snapshot_scans=(0, last))
     subject = subject_of(met, 0.1)
     assert subject.moment == subject.until == run.trajectory.times[last]
-    assert subject.proof.format("robot 1", "robot 2") == "Here robot 1 meets robot 2"
+    assert subject.proof.format("robot 1", "robot 2") == "Here robot 1 sees robot 2"
+    # One that never comes near the false walls was not taken for them.
+    afar = replace(other, path=replace(path, poses=path.poses + 1.0))
+    assert subject_of(replace(met, obstacles=(afar,)), 0.1).title.startswith("Two robots")
     assert (np.abs(subject.places - 3.0) < 1.5).all()
     told = "beam that another robot stops", "beams that another robot stops"
     names = said(met)[-3:]

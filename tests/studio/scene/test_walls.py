@@ -76,12 +76,14 @@ def test_glass_has_clear_panes_and_glass_and_mirrors_have_bright_edges():
 
 def test_thick_outlines_are_walls_and_a_low_box_with_its_head_at_one_is_a_bed():
     sides = [*box(0.0, 0.0, 8.0, 6.0), *box(0.2, 0.2, 7.6, 5.6)]
-    beds = [*box(0.3, 1.0, 2.0, 1.6), *box(4.0, 2.0, 2.0, 1.6)]
-    world = World([*sides, *beds], [*[0] * 8, *[1] * 4, *[2] * 4], heights=[2.5] * 8 + [0.8] * 8)
+    low = [*box(0.3, 1.0, 2.0, 1.6), *box(5.45, 2.0, 2.0, 1.6), *box(0.3, 3.5, 2.0, 1.6)]
+    heights = [2.5] * 8 + [0.8] * 8 + [0.9] * 4
+    world = World([*sides, *low], np.repeat([0, 1, 2, 3], [8, 4, 4, 4]), heights=heights)
     faces, walls, _ = laid(Structures.from_world(world, np.array([[3.0, 5.0]])))
     kinds = np.floor(faces.skin[walls, 0, 3])
     assert (kinds == np.where(faces.objects[walls] == 0, ROOM_WALL, FURNITURE)).all()
-    # A sheet in five parts, two pillows and a cover; the other box is a table of two triangles.
-    assert np.bincount(faces.objects[~walls])[1:].tolist() == [8, 2]
+    # A sheet in five parts, two pillows and a cover; a table off the wall and a workbench have two
+    # triangles.
+    assert np.bincount(faces.objects[~walls])[1:].tolist() == [8, 2, 2]
     up = np.cross(*np.moveaxis(np.diff(faces.places[~walls, :3], axis=1), 1, 0))
     assert (up[:, 2] > 0.0).all()

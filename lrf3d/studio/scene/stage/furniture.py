@@ -19,7 +19,10 @@ _LOW = 1.2
 _BEDS = np.array([[1.3, 1.8], [2.2, 2.3]])
 
 # Distance from a wall at which the head of a bed stands at the most [m].
-_AT_WALL = 0.4
+_AT_WALL = 0.25
+
+# Largest height of a bed [m]: that of a plan's furniture; counters and workbenches are higher.
+_BED_HIGH = 0.8
 
 # The sheet of a bed round two pillows, and its cover: from and to where in its width and, from the
 # head on, in its length, as shares.
@@ -67,6 +70,7 @@ def bedding(structures: Structures) -> tuple[Float, Int, Float]:
     sides = np.roll(corners, -1, axis=1) - corners
     width = np.hypot(*np.moveaxis(sides, 2, 0))
     size = np.stack([width, np.roll(width, -1, axis=1)], axis=2)
+    low &= structures.solid_heights <= _BED_HIGH
     fits = ((size >= _BEDS[0]) & (size <= _BEDS[1])).all(axis=2) & low[:, None]
     fits &= shapely.dwithin(walls, shapely.points(corners + 0.5 * sides), _AT_WALL)
     beds = np.flatnonzero(fits.any(axis=1))
