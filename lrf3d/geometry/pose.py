@@ -94,7 +94,8 @@ def as_poses(poses: object) -> Float:
             _warn_of_degrees(doubtful[0])
     if size.min(initial=TINY) >= TINY:
         return array
-    return np.where((size < TINY) & (array != 0.0), 0.0, array)
+    tiny = (size < TINY) & (array != 0.0)
+    return np.where(tiny, 0.0, array) if tiny.any() else array
 
 
 def compose(first: Float, second: Float) -> Float:

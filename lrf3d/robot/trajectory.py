@@ -44,7 +44,7 @@ class Trajectory(Value):
 
     def __init__(self, times: ArrayLike, poses: ArrayLike) -> None:
         instants: Float = read_only(times, "times")
-        poses = as_poses(read_only(poses, "poses"))
+        poses = read_only(as_poses(poses), "poses")
         if instants.shape != (len(poses),) or len(poses) == 0:
             raise InputError(
                 f"trajectory of {len(poses)} poses and times {instants.shape}: expected one time"

@@ -34,6 +34,7 @@ VALUES = {
     "scan": (lambda: LaserScan((1, 2, 3), np.zeros(3), np.ones(3)), ("hits",)),
     "embree scan": (lambda: lrf3d.EmbreeCaster(World(WALLS)).cast(LRF, POSES[0]), ("hits",)),
     "trajectory": (lambda: Trajectory([0, 1, 2], POSES), ("speeds",)),
+    "trajectory of tiny numbers": (lambda: Trajectory([0, 1], [[1e-200, 0, 0], [1, 0, 0]]), ()),
     "map": (lambda: LineMap(np.array(WALLS), np.zeros(4), np.full(4, 9)), ("lines",)),
     "built map": (lambda: make_run().map, ("segments", "lines")),
     "run": (make_run, ("map",)),
