@@ -44,15 +44,15 @@ class Trajectory(Value):
 
     def __init__(self, times: ArrayLike, poses: ArrayLike) -> None:
         instants: Float = read_only(times, "times")
-        poses = read_only(as_poses(poses), "poses")
-        if instants.shape != (len(poses),) or len(poses) == 0:
+        states: Float = read_only(as_poses(poses), "poses")
+        if instants.shape != (len(states),) or len(states) == 0:
             raise InputError(
-                f"trajectory of {len(poses)} poses and times {instants.shape}: expected one time"
+                f"trajectory of {len(states)} poses and times {instants.shape}: expected one time"
                 " for each pose"
             )
         if not (np.abs(instants) <= LARGEST_TIME).all() or not (np.diff(instants) > 0.0).all():
             raise InputError("trajectory: expected increasing times of at most 1e12 s")
-        self.__dict__.update(times=instants, poses=poses)
+        self.__dict__.update(times=instants, poses=states)
 
     def __repr__(self) -> str:
         return f"Trajectory({len(self)} poses, {self.length:.1f} m in {self.duration:.1f} s)"
