@@ -194,7 +194,7 @@ class PlanarCaster:
         share(work, len(rays), MANY)
         if invalid:
             first = min(invalid)
-            x, y, dx, dy, _ = rays[first]
+            x, y, dx, dy, _ = rays[first].tolist()
             raise InputError(
                 f"ray {first} from {(x, y)} along {(dx, dy)}: expected finite numbers of at most"
                 f" {LARGEST_COORDINATE:g}, and a direction with a length"

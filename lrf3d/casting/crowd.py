@@ -49,7 +49,7 @@ class Crowd:
         self, obstacles: Sequence[DynamicObstacle], discs: Sequence[float] | float = 0.0
     ) -> None:
         self.obstacles = tuple(obstacles)
-        # Of a patrol its first lap.
+        # A patrol counts with its first lap.
         laps = [one.until(0.0).poses for one in obstacles]
         outlines = [np.empty((0, 2)), *(one.outline for one in obstacles)]
         times = np.concatenate([np.empty(0), *(lap.times for lap in laps)])

@@ -97,7 +97,7 @@ class StandingWalls:
         self._lowest = float(world.heights.min(initial=np.inf))
         self._arrays: dict[str, Any] = {}
         self.room = ROOM_AT_FIRST
-        self._low = self._with(
+        self._without_tops = self._with(
             np.zeros(len(world.segments), np.int8), np.zeros((len(world.segments), 4))
         )
 
@@ -112,13 +112,14 @@ class StandingWalls:
 
     def standing(self, pose: Float, z: float) -> Plain:
         """The walls as kernels take them, a `Standing`, for a sensor at a pose and a height."""
-        return self._outside_of(self._around(pose[None])[0]) if self._lowest < z else self._low
+        if not self._lowest < z:
+            return self._without_tops
+        return self._outside_of(self._around(pose[None])[0])
 
     def standings(self, poses: Float, z: float) -> Iterator[tuple[Int, Plain]]:
         """The walls for sensors at poses (k, 3), and the numbers of the poses that share them."""
         if not self._lowest < z:
-            if len(poses):
-                yield np.arange(len(poses)), self._low
+            yield np.arange(len(poses)), self._without_tops
             return
         around = self._around(poses)
         groups: dict[bytes, list[int]] = {}

@@ -1,4 +1,4 @@
-"""What beams measure that deviate from their angles, compiled.
+"""Ranges of beams that deviate from their nominal angles, compiled.
 
 True scans of one range finder and deviations enter, by rows; ranges leave.
 """

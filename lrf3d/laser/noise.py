@@ -125,6 +125,7 @@ class Gaussian:
 
     sigma: float
     batched: ClassVar[bool] = True
+    # Whether the noise grows with the range, and sigma is that at range_max.
     grows: ClassVar[bool] = False
 
     def __post_init__(self) -> None:

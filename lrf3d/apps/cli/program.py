@@ -10,6 +10,10 @@ import sys
 
 from lrf3d.base.interrupts import asked, handle_signals, ignore_signals
 
+# Allocations between two searches for garbage in cycles, which is rare: Python's usual number takes
+# a fiftieth of the time of a command.
+GARBAGE_INTERVAL = 20_000
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,8 +68,7 @@ def _run(program: "Callable[[list[str]], int | None] | None") -> int:
     from lrf3d.apps.cli.console import print_text, quiet_libraries
 
     quiet_libraries()
-    # Garbage in cycles is rare: looking for it this often takes a fiftieth of a command.
-    gc.set_threshold(20_000)
+    gc.set_threshold(GARBAGE_INTERVAL)
     from lrf3d.apps.cli.parser import run_command
 
     try:

@@ -274,7 +274,7 @@ def cast_among(
     lengths = np.empty(whole(beams))
     for k in range(len(poses)):
         fan = aim(laser, poses[k], dx, dy)
-        # To take them out of the fan counts references each time.
+        # Taken from the pose: each access to the fan would count a reference.
         ox, oy, _ = poses[k]
         low_x = high_x = ox
         low_y = high_y = oy
@@ -413,9 +413,10 @@ def _lengths(fan: Fan, sides: Records, row: Int, walls: Float, lengths: Float) -
 @inner
 def _met_exactly(among: Movers, beam: Beam, limit: float, seen: tuple[float, int]) -> int:
     """The row of the nearest side that a beam meets up to a limit [m], of all obstacles, or −1."""
+    height, own = seen
     nearest = Nearest(-1, np.inf, limit)
     for j in range(len(among.movers)):
-        if j != seen[1] and among.movers[j].height >= seen[0]:
+        if j != own and among.movers[j].height >= height:
             nearest = meet(among, j, beam, nearest)
     return nearest.row
 

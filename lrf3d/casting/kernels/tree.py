@@ -150,7 +150,7 @@ def wait(first: int, met: Any, entries: Float, waiting: Records, top: int) -> in
 def next_leaf(tree: Tree, way: Way, limit: float, stack: Stack, top: int) -> tuple[int, int, int]:
     """The next leaf on a path up to a limit [m]: its first row and its end, which are 0 after all.
 
-    The last number is that of the boxes that still wait, of which the root is the first.
+    The last number is that of the boxes that still wait.
     """
     boxes = tree.boxes
     waiting = stack.waiting

@@ -290,12 +290,14 @@ def count_residuals(
         jump = noise_slope * step + noise_jump * min(share, noise_share)
         flat = abs(np.log(after / before)) < jump and 0.0 < step < noise_widest
         smooth = smooth + 1 if flat else 0
+        if smooth < 4:
+            continue
         # The middle one of five beams that follow each other without a jump.
         middle = last - 2
         row = -1
         while row + 1 < len(edges) and edges[row + 1] < reaches[middle]:
             row += 1
-        if smooth >= 4 and 0 <= row < len(counts):
+        if 0 <= row < len(counts):
             size = _off_flat(turns[middle - 1 : middle + 2], reaches[middle - 1 : middle + 2])
             column = int(PER_DECADE * np.log10(max(size, NOISE_UNIT) / NOISE_UNIT))
             counts[row, min(column, counts.shape[1] - 1)] += 1

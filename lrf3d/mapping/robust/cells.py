@@ -72,7 +72,7 @@ EMPTY = -(2**62)
 # Initial capacity in squares and in walls.
 LEAST = 256
 
-# [squares] A map with less room than this grows fourfold, as copies take long: it takes 0.4 GB.
+# [squares] Room, of 0.4 GB, up to which a map grows fourfold, as copies take long.
 # Larger ones grow twofold: some systems refuse room that is far more than what is taken.
 LARGE = 4096
 

@@ -99,15 +99,14 @@ class RobustMapper:
         filled in: as many as the counter `unowned` of the walls says.
         """
         counters = self._walls.counters
-        unowned = np.empty(len(beams.ranges), np.int64)
+        count = len(beams.ranges)
+        unowned = np.empty(count, np.int64)
         counters["scan"] += 1
         counters["changed"] = counters["unowned"] = 0
         while not open_squares(self._cells, place, beams):
             self._cells = self._cells.enlarged()
         done = 0
-        while (done := add_beams(self._cells, done, place, beams, self._walls, unowned)) < len(
-            unowned
-        ):
+        while (done := add_beams(self._cells, done, place, beams, self._walls, unowned)) < count:
             self._cells = self._cells.enlarged()
         return unowned
 

@@ -31,6 +31,7 @@ from lrf3d.recordings.formats.text.guesses import (
     SERIES,
     TURNS,
     by_names,
+    has_several_negative,
     swept,
 )
 from lrf3d.recordings.formats.text.layout import Form, Layout, described
@@ -222,25 +223,24 @@ def _part_pairs(table: Table, pairs: Float) -> None:
     # Bearings rise, or fall, from beam to beam; the coordinates of points do both.
     ways = np.nan_to_num(np.sign(np.diff(pairs, axis=1)))
     even = np.abs(ways.sum(axis=(0, 1))) / np.maximum(np.abs(ways).sum(axis=(0, 1)), 1.0)
+    # Scans with fewer pairs are filled up with NaN.
     known = np.isfinite(pairs).all(axis=2)
     if even.max() < 0.5 or _are_points(pairs[known], int(even.argmax())):
         found = f"pairs {pairs.shape} without bearings"
         raise InputError(f"{table.intake.path}: {found}; expected bearings and ranges, (k, n)")
-    # What scans with fewer pairs lack is no number.
     table.values["angles"] = pairs[known][:, even.argmax()]
     table.gather(pairs[known][:, even.argmin()], np.append(0, np.cumsum(known.sum(axis=1))))
 
 
 def _are_points(pairs: Float, place: int) -> bool:
-    """Whether pairs (k, 2) are coordinates: both have several signs, and none goes as bearings."""
+    """Whether pairs (k, 2) are points: both change sign, and those at a place are no sweep."""
     bearings = pairs[:, place]
     ranges = pairs[:, 1 - place]
     wide = np.ptp(bearings) if len(bearings) else 0.0
     radians, degrees = TURNS
-    is_turn = wide <= LARGEST_SWEEP * radians or wide >= LEAST_SWEEP * degrees
-    # Of negative ranges there is one, that of beams without return.
-    signed = len({*ranges[ranges < 0.0].tolist()}) > 1 and (ranges > 0.0).any()
-    return bool(signed and not is_turn and bearings.min() < 0.0 < bearings.max())
+    is_sweep = wide <= LARGEST_SWEEP * radians or wide >= LEAST_SWEEP * degrees
+    signed = has_several_negative(ranges) and (ranges > 0.0).any()
+    return bool(signed and not is_sweep and bearings.min() < 0.0 < bearings.max())
 
 
 def _are_columns(table: Table, rows: int, columns: int) -> bool:

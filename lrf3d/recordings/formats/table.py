@@ -136,8 +136,8 @@ def _role_of(words: Sequence[str]) -> str:
     for word in reversed(words):
         word = "stamp" if word.endswith("timestamp") else word
         if role := ROLE_OF.get(word) or ROLE_OF.get(word.removesuffix("s")):
-            is_part = role == "theta" and words[0] in ("cos", "sin")
-            return "" if is_part else role
+            # The cosine or sine of a heading is not the heading.
+            return "" if role == "theta" and words[0] in ("cos", "sin") else role
     return ""
 
 

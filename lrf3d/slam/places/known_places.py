@@ -66,7 +66,7 @@ TURNED = 0.3
 # Scales at which scans are compared with a map.
 SCALES = np.linspace(0.9, 1.1, 21)
 
-# Largest deviation of a scale that is none: maps of others differ from their lasers by up to 2 %.
+# Largest deviation from 1 of a correct scale: maps and lasers of others differ by up to 2 %.
 AGREED_SCALE = 0.025
 
 
@@ -265,7 +265,7 @@ class KnownPlaces:
 
 
 def _scaled(hits: Records, scale: float) -> Records:
-    """Hits as they would be if the laser had measured ranges so many times longer."""
+    """Hits of a scan whose ranges are multiplied by a scale."""
     hits = hits.copy()
     hits["x"] *= scale
     hits["y"] *= scale

@@ -35,8 +35,8 @@ CARRIED_SHARE = 0.1
 # A robot was carried if it is found turned by more than this [rad] from where its steps lead.
 CARRIED_TURN = 0.5
 
-# Number of scans by which the scales of a map and of a drive are compared.
-SCALED = 30
+# Number of scans by which the scale of a map is estimated.
+SCALE_SCANS = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ def _map_scale(
     """How many times larger a map is than what scans show, by their poses on it and their hits."""
     if not placed:
         return 1.0
-    numbers = some(np.array([*placed]), SCALED)
+    numbers = some(np.array([*placed]), SCALE_SCANS)
     return places.scale(np.array([placed[k] for k in numbers]), [hits[k] for k in numbers])
 
 

@@ -423,7 +423,8 @@ def trunks(places: Float, tags: Sequence[Tags], buildings: list[Any]) -> list[Fe
     houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
     near = houses.query(points, predicate="dwithin", distance=radii + 0.1)[0]
     # Of a tree that is mapped twice, the first one counts. Of trunks of one size class whose
-    # centres are in one square as wide as the least of them, the second touches the first.
+    # centres are in one square, as wide as the least radius of the class, the second touches the
+    # first.
     side = 2.0 ** np.floor(np.log2(radii))
     squares = np.column_stack([side, np.floor(places / side[:, None])])
     single = np.sort(np.unique(squares, axis=0, return_index=True)[1])

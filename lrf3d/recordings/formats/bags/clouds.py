@@ -54,8 +54,8 @@ MOST = 0.9
 # [m] Half the height of the band around a lidar without a level ring.
 HALF_BAND = 0.2
 
-# [rad] The largest elevation of the first layer above the level: layers are up to 2.2° apart, and
-# half of that on either side of it.
+# [rad] The largest elevation of the first layer above the level: layers are up to 2.2° apart, so
+# one is within 1.1° of it, and a little more.
 RISE = 0.021
 
 # Number of points of a ring from which the step of its bearings is known.
@@ -273,8 +273,8 @@ class CloudScans:
             return f"points from {self.band[0]:g} to {self.band[1]:g} m above {above}"
         self._rises = rises
         self.band = self.height - HALF_BAND, self.height + HALF_BAND
-        above = f", or up to {np.degrees(RISE):.1f}° above it" if rises else ""
-        return f"points within {HALF_BAND:g} m of the lidar's height{above} (or give --height)"
+        widening = f", or up to {np.degrees(RISE):.1f}° above it" if rises else ""
+        return f"points within {HALF_BAND:g} m of the lidar's height{widening} (or give --height)"
 
     def _chosen(self, x: Float, y: Float, z: Float, rings: Int | None) -> Bool:
         """Which points (n,) may make a scan, by their places from the lidar and their rings."""

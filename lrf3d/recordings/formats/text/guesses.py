@@ -150,9 +150,7 @@ def _wide_format(form: Form, rows: Float) -> str:
     sizes = np.median(np.abs(rows[:, max(begin - 2, int(stamped)) : begin + 1]), axis=0)
     before = sizes[:-1]
     goes_on = ((ALIKE * before > sizes[-1]) & (before < ALIKE * sizes[-1])).any()
-    # Of negative numbers there is one, that of beams without return.
-    likely = len({*ranges[ranges < 0.0].tolist()}) <= 1 and not goes_on
-    likely = likely and not _counts_up(form, begin)
+    likely = not (has_several_negative(ranges) or goes_on or _counts_up(form, begin))
     stamp = "stamp@1, " if stamped else ""
     return f"{stamp}ranges{beams}@{begin + 1}" if likely else ""
 
@@ -393,6 +391,11 @@ def _poses_are_last(form: Form, begin: int) -> bool:
     first, last = (len({*each[each < 0.0].tolist()}) > 1
                    for each in (rows[:, begin : begin + 3], rows[:, -3:]))  # fmt: skip
     return last and not first
+
+
+def has_several_negative(ranges: Float) -> bool:
+    """Whether ranges have several negative values: beams without return have one."""
+    return len({*ranges[ranges < 0.0].tolist()}) > 1
 
 
 def _counts_up(form: Form, place: int) -> bool:
