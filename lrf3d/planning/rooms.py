@@ -96,7 +96,7 @@ def measured(ground: Ground, cells: Bool) -> tuple[float, Float]:
     The place (2,) [m] is the one farthest from walls.
     """
     place = ground.places[cells][np.argmax(ground.gaps[cells])] + ground.world.origin
-    # About as wide as a cell is the strip along walls whose cells are not passable.
+    # The strip along walls whose cells are not passable is about one cell wide.
     rim = cells & ~scipy.ndimage.binary_erosion(cells)
     return float(cells.sum() + rim.sum()) * ground.size**2, place
 

@@ -32,8 +32,7 @@ ROOM = """<svg width="8m" height="6m" viewBox="0 0 800 600" fill="none" stroke="
 
 @pytest.fixture
 def room(written):
-    path = written("room.svg", ROOM)
-    return path
+    return written("room.svg", ROOM)
 
 
 coordinates = st.floats(-1e3, 1e3, allow_subnormal=False)

@@ -51,10 +51,10 @@ _BAR = 0.04
 # Shares of the walls found, whose colours a legend shows.
 _SHARES = np.linspace(0.0, 1.0, 4)
 
-# Width of what is then shown [m].
+# Width of what a map shows around the wall that is missed [m].
 _CLOSE = 4.0
 
-# Time in which the map comes near to that [s of the film].
+# Time in which the map zooms in on that wall [s of the film].
 _NEARS = 1.2
 
 # How long that is shown [s of the film].
@@ -138,7 +138,7 @@ class MapBeside:
         wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
         for wall in self.close[: int(ended)]:
             hits, off = hits_on(run, wall)
-            counts = f"{counted(len(hits), 'hit')}: ±{100 * off:.0f} cm"
+            counts = counted(len(hits), "hit") + f": ±{100 * off:.0f} cm" * bool(len(hits))
             wrong = ["missed"] * bool((lost == wall).all(axis=1).any())
             inset = inset._replace(marks=(*inset.marks, ("plan hits", self._scene.spots(hits))))
         plan = draw(inset, self.size)
@@ -287,8 +287,8 @@ def together(team: Mapping[str, Scene], time: float) -> tuple[str, ...]:
         for name, own in zip(team, found, strict=True)
     )
     robots = max(1 + len(robots_of(scene.run.obstacles)) for scene in team.values())
-    of = f" of {robots}" * (robots > len(team))
-    head = f"{len(team)}{of} maps together: {all_found} of {count} walls found"
+    of = f" of {robots} robots" * (robots > len(team))
+    head = f"{len(team)} maps{of} together: {all_found} of {count} walls found"
     return (head + false_words(sum(false)), *each_found) if count else ("",)
 
 

@@ -66,7 +66,7 @@ _SIDES = np.radians(np.arange(-110.0, 0.0, 5.0))[:, None]
 # Share of an overview's worth that it loses if the robot is hidden in the end.
 _HIDDEN = 0.6
 
-# The same if it is a radian away from the one before.
+# The same for each radian by which it is away from the one before.
 _FAR_ROUND = 0.1
 
 # Angular speed of an overview [rad/s of the film].
@@ -79,9 +79,10 @@ _LONGEST = 20.0
 # How far the whole reaches past its walls [m].
 _PAST = 0.5
 
-# Share of the walls of a recording at its edges, and how far from all others these may lie, in the
-# extent of the others.
+# Share of the ends of a recording's walls that lie at each edge.
 _FEW = 0.01
+
+# Distance of an end from all others from which on it is left out, in the extent of these.
 _RIM = 0.1
 
 # Extent of a world from which on only what is near the drive is shown as the whole [m].

@@ -39,8 +39,10 @@ _HITS = 24_000
 # Diameter of these hits [m], and at least and at most [pixels of 720 lines].
 _HIT_SIZE = 0.08, (2.0, 5.0)
 
-# Shots that show them, and how opaque they are.
+# Shots that show these hits.
 _SHOTS = ("proof", "rise", "whole", "end")
+
+# Opacity of these hits.
 _OPAQUE = 0.8
 
 # Colour of the gap between the paths.
@@ -121,9 +123,8 @@ class Astray:
         every = 1 + sum(int(scan.hits.sum()) for scan in scans) // _HITS
         hits = [scan.points()[number % every :: every] for number, scan in enumerate(scans)]
         whose = np.repeat(np.arange(len(scans)), [len(each) for each in hits])
-        alone = self._drift.alone.poses[whose]
-        met = np.concatenate(hits) - poses[whose, :2]
-        return whose, alone[:, :2] + _turned(met, alone[:, 2] - poses[whose, 2])
+        met = between(poses[whose], np.insert(np.concatenate(hits), 2, 0.0, axis=1))
+        return whose, compose(self._drift.alone.poses[whose], met)[:, :2]
 
     def marks(
         self, moment: Moment, shot: str, timeline: Timeline
@@ -144,10 +145,3 @@ class Astray:
         spots = np.insert(level, 2, self._run.lasers[0].height, axis=1)
         sides = single(0.0 * level)
         return Points(single(spots), single(colours), sides, *_HIT_SIZE, glows=False)
-
-
-def _turned(places: Float, angles: Float) -> Float:
-    """Places (n, 2) turned round the origin by angles [rad]."""
-    cos, sin = np.cos(angles), np.sin(angles)
-    x, y = places.T
-    return np.column_stack([cos * x - sin * y, sin * x + cos * y])

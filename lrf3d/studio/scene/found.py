@@ -18,7 +18,7 @@ from lrf3d.studio.scene.marks import false_pieces
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.world import World
 
-# Number of maps of a run of which the walls found are counted, at most: a file keeps fewer.
+# Number of maps of a run of which the walls found are counted, at most: usual runs keep fewer.
 _SCORED = 128
 
 # Share of its scans up to which those that hit a wall are few.

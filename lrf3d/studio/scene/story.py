@@ -91,9 +91,10 @@ _PROVES_ASIDE = np.radians([22.0, 28.0, 34.0])
 # What that camera shows around the robot at the least [m].
 _ROOM = 1.5
 
-# The same once a false room is known to be one [m], and the time in which the camera comes near to
-# that [s of the film, as fast as the rest].
+# The same once a false room is known to be one [m].
 _CLOSER = 4.0
+
+# Time in which the camera comes that near [s of the film, as fast as the rest].
 _GOES = 0.35
 
 # Angle of view of that camera [rad].
@@ -107,22 +108,25 @@ _TEXT = 0.22
 _RUSH = 1.2
 
 
+# How far pictures are moved up, in halves of their height: text stands below.
+_RAISED = 0.1
+
+# The same from eye height: moved down, they show more of the walls.
+_LOWERED = -0.25
+
+
 class _Rigs(NamedTuple):
     """Camera distances [m], downward angles [degrees], and how far pictures are moved up."""
 
     aways: tuple[float, ...]
     steeps: tuple[float, ...]
-    shift: float = 0.1
+    shift: float = _RAISED
 
-
-# How far pictures from eye height are moved up, in halves of their height: more of the walls is
-# seen.
-_UP = -0.25
 
 # Candidate positions of the cameras of shots, in towns and in rooms.
 _TOWN = {
     "opening": _Rigs((22.0, 31.0, 44.0), (62.0, 78.0)),
-    "chase": _Rigs((4.5, 7.0), (10.0, 16.0), _UP),
+    "chase": _Rigs((4.5, 7.0), (10.0, 16.0), _LOWERED),
     "close": _Rigs((20.0, 28.0), (40.0, 52.0)),
     "above": _Rigs((38.0, 50.0), (74.0,)),
 }
@@ -134,7 +138,7 @@ _ROOMS = {
 }
 
 # The same in rooms whose walls are not cut, between which the camera then stands.
-_BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0), _UP)
+_BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0), _LOWERED)
 
 # Share of the rise in which walls sink to where they are cut.
 _SINKS = 0.2

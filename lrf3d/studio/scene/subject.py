@@ -44,7 +44,6 @@ _FROM_AFAR = ("rise", "whole")
 # Share of the pieces of false walls that the picture shows: the nearest.
 _NEAR = 0.8
 
-
 # How far the picture of a loop reaches past its path [m].
 _PAST_LOOP = 3.5
 
@@ -119,11 +118,11 @@ def _loop(run: Shown) -> Subject | None:
     return Subject(
         "Odometry drifts; the laser finds the way back",
         closes,
-        np.array([path.min(axis=0) - _PAST_LOOP, path.max(axis=0) + _PAST_LOOP]),
-        "Red: where odometry alone puts it",
-        begins,
-        closes,
-        f"Back after {metres(length)}: red shows the drift",
+        places=np.array([path.min(axis=0) - _PAST_LOOP, path.max(axis=0) + _PAST_LOOP]),
+        proof="Red: where odometry alone puts it",
+        since=begins,
+        until=closes,
+        after=f"Back after {metres(length)}: red shows the drift",
     )
 
 
@@ -144,13 +143,12 @@ def _false_room(run: Shown, since: float) -> Subject | None:
     return Subject(
         "In a mirror, a laser sees a false room",
         known,
-        near,
-        "The red room is only a reflection",
-        None,
-        known,
-        "The same room, mirrored: so this is a mirror" * bool(mirrors),
-        near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))],
-        f"{counted(mirrors, 'mirror')} found, {kept}",
+        places=near,
+        proof="The red room is only a reflection",
+        until=known,
+        after="The same room, mirrored: so this is a mirror" * bool(mirrors),
+        aim=near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))],
+        found=f"{counted(mirrors, 'mirror')} found, {kept}",
     )
 
 
@@ -177,11 +175,10 @@ def _robots(run: Shown, since: float) -> Subject | None:
     return Subject(
         "To a laser, another robot is a wall",
         entered,
-        np.vstack([_nearest(run, scans[first], false[first]), there]),
-        f"Here {{0}} sees {{{1 + nearest}}}",
-        None,
-        entered,
-        "Red: a robot taken for a wall",
+        places=np.vstack([_nearest(run, scans[first], false[first]), there]),
+        proof=f"Here {{0}} sees {{{1 + nearest}}}",
+        until=entered,
+        after="Red: a robot taken for a wall",
         told=True,
     )
 

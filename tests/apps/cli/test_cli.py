@@ -40,8 +40,7 @@ sigma = 0.05
 
 @pytest.fixture
 def room(written):
-    path = written("box.toml", ROOM)
-    return path
+    return written("box.toml", ROOM)
 
 
 def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):

@@ -30,8 +30,7 @@ def text(tmp_path_factory):
 
 @pytest.fixture
 def log(text, written):
-    path = written("room.log.gz", gzip.compress(text.encode()))
-    return path
+    return written("room.log.gz", gzip.compress(text.encode()))
 
 
 def test_map_writes_its_files_and_json_is_the_only_output(log, tmp_path, monkeypatch):

@@ -34,8 +34,7 @@ def log_text():
 
 @pytest.fixture
 def log(log_text, written):
-    path = written("room.log", log_text[0])
-    return path
+    return written("room.log", log_text[0])
 
 
 def test_a_laser_that_stands_is_said_to_stand(written, tmp_path):

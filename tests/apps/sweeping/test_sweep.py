@@ -48,8 +48,7 @@ class OneWall:
 
 @pytest.fixture
 def room(written):
-    path = written("box.toml", ROOM)
-    return str(path)
+    return str(written("box.toml", ROOM))
 
 
 def tiny(room, *, seeds=3, axes=None, mappers=None):

@@ -32,8 +32,7 @@ from lrf3d.studio.scene.timeline import Timeline
 
 @pytest.fixture
 def yard(written):
-    path = written("yard.toml", YARD)
-    return path
+    return written("yard.toml", YARD)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 // The editor: asks the server what follows from each decision, and shows it. What was decided can be undone without end.
 
-import { COLOURS, Sheet, roomsPicture } from "./sheet.js";
+import { COLOURS, LOW, Sheet, roomsPicture } from "./sheet.js";
 import { Finder, makeTools, overlap } from "./tools.js";
 
 const TYPES = { f4: Float32Array, u1: Uint8Array, u2: Uint16Array };
@@ -244,7 +244,6 @@ function reclassed(before = [], selects, as) {
 const KEYED = ["wall", "furniture", "glass", "mirror", "door", "nothing"]; // The classes by their keys, from 1.
 const word = (kind) => (kind === "nothing" ? "left out" : kind);
 const takenFor = (as) => (as === "nothing" ? "left out" : `taken for ${as}`);
-const LOW = 1.25; // Height below which a wall that was drawn is one of furniture [m].
 const RULES = { "dark part": "thin or loose marks" };
 
 // Place a card where it hides no end of a line, in units of the drawing.

@@ -11,9 +11,22 @@ const CALM = 140; // Time until it is drawn again [ms].
 const PEN = { willReadFrequently: true }; // Drawn by the processor: graphics cards are slow at long lists of strokes.
 const MOST_PLACED = 60; // Rooms whose names avoid what is drawn: it takes time.
 const INK = 30; // Difference of grey from the paper, from 0 to 255, from which something is drawn there.
-const FURNITURE = { window: 3.6, cell: 0.02, alike: 14, least: 0.2, beside: 0.12 }; // What is pointed at as furniture: it is sought in a window [m] of cells [m] whose grey is alike, and is no smaller; three walls beside it [m] make it a room.
+const WINDOW = 3.6; // Side of the square in which furniture is sought [m].
+const CELL = 0.02; // Side of its cells [m].
+const ALIKE = 14; // Difference of grey, from 0 to 255, up to which cells belong to one thing.
+const LEAST = 0.2; // Least side of furniture [m].
+const BESIDE = 0.12; // Distance within which a wall stands at a side [m].
+const ROOM_SIDES = 3; // Sides with walls from which on it is a room.
+export const LOW = 1.25; // Height below which a wall that was drawn is one of furniture [m].
 const CHUNK = 1000; // Strokes of a path: software draws long paths slowly.
 const NEAR = 25; // Pixels a metre from which many strokes are as wide as few; fine ones are drawn much faster.
+
+// The point of a line that is nearest to another one.
+export function foot([x, y], [x1, y1], [x2, y2]) {
+  const [dx, dy] = [x2 - x1, y2 - y1];
+  const share = Math.min(1, Math.max(0, ((x - x1) * dx + (y - y1) * dy) / (dx * dx + dy * dy || 1)));
+  return [x1 + share * dx, y1 + share * dy];
+}
 
 export class Sheet {
   constructor(base, top) {
@@ -111,16 +124,15 @@ export class Sheet {
   furnitureAt([x, y]) {
     const { plan, picture } = this;
     if (!plan.sheet || !picture) return null;
-    const { window, cell, alike, least, beside } = FURNITURE;
-    const side = Math.round(window / cell);
+    const side = Math.round(WINDOW / CELL);
     const perMetre = picture.width / (plan.sheet[0] * plan.unit);
-    const corner = [x - window / 2, y + window / 2];
+    const corner = [x - WINDOW / 2, y + WINDOW / 2];
     const canvas = document.createElement("canvas");
     Object.assign(canvas, { width: side, height: side });
     const context = canvas.getContext("2d", PEN);
     context.fillStyle = "#fff";
     context.fillRect(0, 0, side, side);
-    context.drawImage(picture, corner[0] * perMetre, (plan.sheet[1] * plan.unit - corner[1]) * perMetre, window * perMetre, window * perMetre, 0, 0, side, side);
+    context.drawImage(picture, corner[0] * perMetre, (plan.sheet[1] * plan.unit - corner[1]) * perMetre, WINDOW * perMetre, WINDOW * perMetre, 0, 0, side, side);
     const { data } = context.getImageData(0, 0, side, side);
     const grey = new Uint8Array(side * side).map((_, place) => (data[4 * place] + data[4 * place + 1] + data[4 * place + 2]) / 3);
     const middle = (side >> 1) * (side + 1);
@@ -135,16 +147,16 @@ export class Sheet {
       if (!column || !row || column === side - 1 || row === side - 1) return null;
       [left, high, right, low] = [Math.min(left, column), Math.min(high, row), Math.max(right, column), Math.max(low, row)];
       for (const next of [place - 1, place + 1, place - side, place + side]) {
-        if (seen[next] || Math.abs(grey[next] - grey[middle]) > alike) continue;
+        if (seen[next] || Math.abs(grey[next] - grey[middle]) > ALIKE) continue;
         seen[next] = 1;
         stack.push(next);
       }
     }
-    const [x1, x2] = [left - 1, right + 2].map((each) => corner[0] + each * cell);
-    const [y1, y2] = [low + 2, high - 1].map((each) => corner[1] - each * cell);
-    if (Math.min(x2 - x1, y2 - y1) < least) return null;
+    const [x1, x2] = [left - 1, right + 2].map((each) => corner[0] + each * CELL);
+    const [y1, y2] = [low + 2, high - 1].map((each) => corner[1] - each * CELL);
+    if (Math.min(x2 - x1, y2 - y1) < LEAST) return null;
     const sides = [[x1, (y1 + y2) / 2], [x2, (y1 + y2) / 2], [(x1 + x2) / 2, y1], [(x1 + x2) / 2, y2]];
-    if (sides.filter((each) => this.wallWithin(each, beside)).length > 2) return null;
+    if (sides.filter((each) => this.wallWithin(each, BESIDE)).length >= ROOM_SIDES) return null;
     return [[x1, y1], [x2, y1], [x2, y2], [x1, y2]];
   }
 
@@ -153,10 +165,9 @@ export class Sheet {
     const { strokes, heights, ox, oy } = this.plan;
     return heights.some((height, row) => {
       if (!height) return false;
-      const [x1, y1, x2, y2] = [0, 1, 2, 3].map((each) => strokes[4 * row + each]);
-      const [dx, dy] = [x2 - x1, y2 - y1];
-      const share = Math.min(1, Math.max(0, ((x - ox - x1) * dx + (y - oy - y1) * dy) / (dx * dx + dy * dy || 1)));
-      return Math.hypot(x - ox - x1 - share * dx, y - oy - y1 - share * dy) < distance;
+      const [x1, y1, x2, y2] = strokes.slice(4 * row, 4 * row + 4);
+      const [east, north] = foot([x - ox, y - oy], [x1, y1], [x2, y2]);
+      return Math.hypot(x - ox - east, y - oy - north) < distance;
     });
   }
 

@@ -1,8 +1,7 @@
 // The tools: what clicks, drags and keys decide. A tool changes a copy of the decisions, which the editor keeps.
 
-import { COLOURS } from "./sheet.js";
+import { COLOURS, LOW, foot } from "./sheet.js";
 
-const LOW = 1.25; // Height below which a wall that was drawn is one of furniture [m].
 const REACH = 9; // Distance within which something is pointed at [pixels].
 const BELOW = 2; // Distance by which what stands may be farther than what is left out [pixels].
 const away = ([x1, y1], [x2, y2]) => Math.hypot(x2 - x1, y2 - y1);
@@ -17,13 +16,6 @@ export function overlap(one, two) {
     return Math.max(0, both) / (Math.max(...a, ...b) - Math.min(...a, ...b) || 1);
   });
   return common[0] * common[1];
-}
-
-// The point of a line that is nearest to another one.
-function foot([x, y], [x1, y1], [x2, y2]) {
-  const [dx, dy] = [x2 - x1, y2 - y1];
-  const share = Math.min(1, Math.max(0, ((x - x1) * dx + (y - y1) * dy) / (dx * dx + dy * dy || 1)));
-  return [x1 + share * dx, y1 + share * dy];
 }
 
 // Where two lines cross, however short they are; nothing if they are parallel.

@@ -31,7 +31,7 @@ FURNITURE = 6.0
 # Factors of the colour of tops of wood.
 _WOOD = np.array([1.12, 0.84, 0.58])
 
-# Largest length of the end of such a wall, at a door [m].
+# Largest length of a side of a wall's outline that is its end, at a door [m].
 _JAMB = 0.45
 
 # Least height of houses with windows [m].
