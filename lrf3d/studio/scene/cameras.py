@@ -41,9 +41,6 @@ _FREE_ABOVE = 0.05
 # Share of the picture's height that is free below the whole, for text.
 _FREE_BELOW = 0.06
 
-# The same share where the text is a card.
-CARD = 0.16
-
 # Share of what is left of the picture that the world fills.
 _FILL = 0.94
 
@@ -173,7 +170,6 @@ class Fixed:
 def overview(
     timeline: Timeline,
     structures: Structures,
-    free_below: float = _FREE_BELOW,
     at: float | None = None,
     drift: float = DRIFT,
     steeps: Sequence[float] = (),
@@ -194,7 +190,7 @@ def overview(
 
     @cache
     def track(aspect: float) -> CameraPath:
-        shape = _FIELD, aspect, free_below
+        shape = _FIELD, aspect
         usual = structures.setting.steep if aspect > 1.0 else _UPRIGHT
         tracks = [
             fitted(corners, times[:1], side, steep, *shape)
@@ -223,7 +219,7 @@ def top(timeline: Timeline, structures: Structures) -> PathCamera:
     def track(aspect: float) -> CameraPath:
         turned = (wide > tall) != (aspect > 1.0) and max(wide, tall) > _LONG * min(wide, tall)
         turn = np.array([np.pi if turned else -0.5 * np.pi])
-        found = fitted(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
+        found = fitted(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect)
         return found._replace(aways=found.aways + float(structures.heights.max(initial=0.0)))
 
     return PathCamera(track, {"shows_map": True, "inset": 0.0, "shot": "whole"})
@@ -268,11 +264,10 @@ def fitted(
     steep: float,
     field: float,
     aspect: float,
-    free_below: float,
 ) -> CameraPath:
     """Looks from sides (k,) [rad], that steep [rad], that show corners (n, 3) as large as fits."""
     found = []
-    room = _FILL * np.tan(0.5 * field) * np.array([aspect, 1.0 - _FREE_ABOVE - free_below])
+    room = _FILL * np.tan(0.5 * field) * np.array([aspect, 1.0 - _FREE_ABOVE - _FREE_BELOW])
     for turn in turns:
         level = np.cos(steep)
         back = np.array([np.cos(turn) * level, np.sin(turn) * level, np.sin(steep)])
@@ -290,6 +285,6 @@ def fitted(
         found.append((*middle, away))
     *place, aways = np.array(found).T
     steeps, fields, shifts = (
-        np.full(len(turns), each) for each in (steep, field, free_below - _FREE_ABOVE)
+        np.full(len(turns), each) for each in (steep, field, _FREE_BELOW - _FREE_ABOVE)
     )
     return CameraPath(times, np.column_stack(place), turns, steeps, aways, fields, shifts)

@@ -14,7 +14,7 @@ import numpy as np
 from lrf3d.geometry.lines import Float, cross, directions
 from lrf3d.studio.scene.bodies import robot_names
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
-from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
+from lrf3d.studio.scene.cameras import chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
 from lrf3d.studio.scene.shots import CLOSING, FIRST_SHOT, LENGTH, SHOTS, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
@@ -100,18 +100,13 @@ _GOES = 0.35
 # Angle of view of that camera [rad].
 _FIELD = float(np.radians(46.0))
 
-# Share of the picture's height below it that text takes.
-_TEXT = 0.22
-
 
 # How many times as fast as the rest a rise is from which on it says so.
 _RUSH = 1.2
 
 
-# How far pictures are moved up, in halves of their height: text stands below.
-_RAISED = 0.1
-
-# The same from eye height: moved down, they show more of the walls.
+# How far pictures from eye height are moved up, in halves of their height: lower, they show more
+# of the walls.
 _LOWERED = -0.25
 
 
@@ -120,7 +115,7 @@ class _Rigs(NamedTuple):
 
     aways: tuple[float, ...]
     steeps: tuple[float, ...]
-    shift: float = _RAISED
+    shift: float = 0.0
 
 
 # Candidate positions of the cameras of shots, in towns and in rooms.
@@ -182,10 +177,10 @@ class Story:
         self.widens = 0.0
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
-        self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
+        self._whole = overview(timeline, structures, middle, _END_DRIFT)
         # There it comes to rest.
         steeps = _PANE_STEEPS if structures.glass.any() else _STEEPS
-        self._plan = overview(timeline, structures, CARD, middle, 0.0, steeps, self._whole)
+        self._plan = overview(timeline, structures, middle, 0.0, steeps, self._whole)
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
@@ -316,7 +311,7 @@ class Story:
         if self._subject.along is not None:
             sides, steeps = self._subject.along + _ASIDE, _PROVES_ASIDE
         for turn, steep in product(sides, steeps):
-            there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect, _TEXT)
+            there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect)
             track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))
         if self._subject.since is not None:
@@ -328,7 +323,7 @@ class Story:
         # What the map no longer holds needs no room.
         corners = np.insert((places[:, None] + _CLOSER * AROUND).reshape(-1, 2), 2, 0.0, axis=1)
         turn, steep = best.track.turns[:1], best.track.steeps[0]
-        near = fitted(corners, times[:1], turn, steep, _FIELD, aspect, _TEXT).at(times)
+        near = fitted(corners, times[:1], turn, steep, _FIELD, aspect).at(times)
         gone = _eased((times - self._subject.until) / (_GOES * self._timeline.playback))
         return best._replace(track=self._between(best.track, near, gone))
 
