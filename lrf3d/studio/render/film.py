@@ -72,8 +72,6 @@ class FilmOptions:
     goal: Goal | None = None
     # What is said of maps that are compared.
     title: str = ""
-    # Whether times follow that a story leaps over.
-    leaps: bool = True
 
     def of(self, run: Run) -> "FilmOptions":
         """These options, where the run and the machine choose what is not given.
@@ -194,7 +192,6 @@ class Film:
         ] or [self.renderer]
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         if isinstance(self.camera, Story):
-            self.camera.leaps = chosen.leaps
             self.camera.names = [*self._scenes]
             # The maps of several robots stay.
             self.camera.widens = (not self._scenes) * width / self._size[1]
@@ -307,7 +304,7 @@ def _renderer(stage: Stage, size: tuple[int, int], options: FilmOptions) -> Any:
 
 def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
-    chosen = FilmOptions(**options, leaps=False).of(run)
+    chosen = FilmOptions(**options).of(run)
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
     timeline = Timeline(run, playback=chosen.playback)
