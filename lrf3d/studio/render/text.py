@@ -32,7 +32,7 @@ _LEAST_LETTER = 6.5
 # Height of the band of text under a picture [pixels of 720 lines].
 _BAND = 132
 
-# Its largest share of the height of a small picture.
+# Its largest share of the smaller side of a small picture.
 _MOST_COVERED = 0.3
 
 # Its least height, with one legible line [pixels].
@@ -105,7 +105,7 @@ def _rows(label: Label) -> list[Words]:
 
 def band_of(size: tuple[int, int]) -> int:
     """Height of the band of text under a picture of a size; 0 where no text would be legible."""
-    high = round(min(_BAND * scale_of(size), _MOST_COVERED * size[1]))
+    high = round(min(_BAND * scale_of(size), _MOST_COVERED * min(size)))
     return high * (high >= _LEAST_BAND)
 
 

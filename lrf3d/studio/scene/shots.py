@@ -128,8 +128,9 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     count = max(1, round(free / _SHOT - longer))
     each = free / (count + longer)
     # When the map is as good as whole, the rest is seen fast, from above.
-    needed = int(np.ceil((_settled(timeline) - opened) / (playback * each)))
-    count = max(1, min(count, needed))
+    if length <= LENGTH:
+        needed = np.ceil((_settled(timeline) - opened) / (playback * each))
+        count = max(1, min(count, int(needed)))
     closing = scale * CLOSING
     part = min(each, _PROVEN) if longer else each
     shown = (count - 1) * each + part + rise + filling

@@ -134,7 +134,6 @@ _ROOMS = {
 # The same in rooms whose walls are not cut, between which the camera then stands.
 _BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0), _LOWERED)
 
-
 # Share of the opening in which walls are not cut, and then sink.
 _STANDS = 0.3
 
@@ -253,8 +252,8 @@ class Story:
         if shot.name == "whole":
             return _Take(whole)
         if shot.name == "end":
-            near = self._closing(whole)
-            return _Take(self._between(whole, near, _eased(np.linspace(0.0, 1.0, count))))
+            share = _eased(np.linspace(0.0, 1.0, count))
+            return _Take(self._between(whole, self._closing(whole), share))
         if shot.name == "rise":
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
@@ -277,9 +276,7 @@ class Story:
         shares = np.linspace(0.0, 1.0, len(times))
         # The smoothed path of a fast film begins ahead of the robot.
         places = timeline.poses(times)[:, :2] - timeline.origin
-        ahead = self._faces()
-        sway = _NEAR_TURN * (0.5 - shares)
-        path = SmoothPath(times, places, ahead + sway)
+        path = SmoothPath(times, places, self._faces() + _NEAR_TURN * (0.5 - shares))
         # Glass hides nothing.
         structures = self._structures
         heights = np.where(structures.glass, 0.0, structures.heights)

@@ -139,3 +139,18 @@ def test_a_robot_that_a_map_takes_for_a_wall_is_the_subject_from_when_it_does():
     names = said(met)[-3:]
     assert ("━ this robot", "━ another robot") == names[:2] and names[2].endswith(told)
     assert f", {len(run.map)} false" in said(met, "end", time=run.trajectory.times[last])[0]
+
+
+def test_a_false_wall_that_the_map_drops_is_the_subject_with_the_beams_that_go_through():
+    run = room_run()
+    wrong = replace(run.map, segments=0.1 * run.map.segments + 3.0)
+    last = len(run) - 1
+    mended = replace(run, maps=(wrong, run.map), snapshot_scans=(0, last))
+    subject = subject_of(mended, 0.1)
+    assert subject.moment == subject.until == run.trajectory.times[last]
+    assert len(subject.pinned) == 1 and subject.found.startswith("All false walls are gone")
+    names = said(mended, "proof", playback=0.1)
+    assert any("beam" in each and each.endswith("through it") for each in names)
+    # What stays false to the end is no subject.
+    kept = replace(mended, maps=(wrong, wrong))
+    assert subject_of(kept, 0.1).moment is None
