@@ -23,8 +23,6 @@ class Staging(NamedTuple):
     then_side: float = 0.0
     # Whether walls are as high as they are at first, and cut later.
     stands: bool = False
-    # Whether the second comes first.
-    descends: bool = False
     # Where the camera stands in the end, from the line of what that turns about [rad].
     end_side: float = 0.0
     # How steeply it looks down there [rad].
@@ -36,7 +34,7 @@ STAGINGS = {
     # Along the longest line of sight.
     "straight": Staging(Rig(5.5, 24.0, shift=-0.4), 3.0),
     # From the roofs down into the street.
-    "roofs": Staging(Rig(6.0, 14.0, shift=-0.3), 3.0, descends=True),
+    "roofs": Staging(Rig(22.0, 60.0), 3.0, Rig(6.0, 14.0, shift=-0.3), 3.0),
     # At the mirror, which shows the robot.
     "mirror": Staging(
         Rig(3.4, 15.0, 56.0, -0.25), 3.0, Rig(8.0, 30.0), 2.7, True, end_side=_ACROSS

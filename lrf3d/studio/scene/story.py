@@ -294,10 +294,9 @@ class Story:
             then = self._best("opening", path, moments, aspect).track
         else:
             then = CameraPath.along(path, path.headings + staging.then_side, staging.then)
-        ends = (then, first) if staging.descends else (first, then)
-        return _Take(
-            self._between(*ends, _eased(shares / _RISEN)), above=self._above * staging.stands
-        )
+            then = then.past_walls(structures, places)
+        way = self._between(first, then, _eased(shares / _RISEN))
+        return _Take(way, above=self._above * staging.stands)
 
     def _faces(self) -> float:
         """The direction in which the opening looks past the robot [rad]: usually the farthest."""
