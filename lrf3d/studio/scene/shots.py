@@ -122,16 +122,18 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
             first = min(first, before)
     opened = timeline.start + playback * first
     longer = (_SLOWER - 1.0) * (proven > opened)
-    filling = scale * FILLING
-    rise = scale * RISE
-    free = max(length - fixed, scale * _SHOT)
+    # What takes more than a moment takes its time from the rise and from what follows.
+    faster = 1.0 + longer * (subject.since is not None)
+    filling = scale * FILLING / faster
+    rise = scale * RISE / faster
+    free = max(length - fixed, scale * _SHOT) + scale * (FILLING + RISE) - filling - rise
     count = max(1, round(free / _SHOT - longer))
     each = free / (count + longer)
     # When the map is as good as whole, the rest is seen fast, from above.
-    if length <= LENGTH:
+    if length <= LENGTH and subject.since is None:
         needed = np.ceil((_settled(timeline) - opened) / (playback * each))
         count = max(1, min(count, int(needed)))
-    closing = scale * CLOSING
+    closing = scale * (CLOSING - FILLING) + filling
     part = min(each, _PROVEN) if longer else each
     shown = (count - 1) * each + part + rise + filling
     if lasts <= first + shown:
