@@ -282,6 +282,10 @@ class _Robot:
             bool(self.source) and self._frames.carries(mine, stream.frame)
         )
 
+    def _has_others(self, stream: ScanStream) -> bool:
+        """Whether the robot has another laser than that of a stream."""
+        return any(self.has(each) for each in self._contents.streams if each is not stream)
+
     def placed(self, stream: ScanStream) -> list[LaserScan]:
         """The scans of a stream with their poses and where the laser is mounted."""
         intake = self._contents.intake
@@ -305,8 +309,7 @@ class _Robot:
         if len(askew):
             tilt = np.degrees(np.arccos(min(askew[0], 1.0)))
             tilted = f"the laser {stream.frame} is tilted by {tilt:.0f}°"
-            others = (each for each in self._contents.streams if each is not stream)
-            if not any(map(self.has, others)):
+            if not self._has_others(stream):
                 raise InputError(f"{intake.path}: {tilted}, expected one that scans in the plane")
             intake.notes.append(f"{tilted}: left out")
             return []
