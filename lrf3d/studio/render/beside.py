@@ -1,6 +1,6 @@
 """The map beside a picture: from straight above, with its name, a legend and a scale."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from lrf3d.geometry.lines import Int, lengths
 from lrf3d.studio.render.text import LINE, gap_of, length_of, row_of, scale_of, stacked
 from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robots_of
+from lrf3d.studio.scene.drift import GHOST_COLOUR
 from lrf3d.studio.scene.found import (
     false_after,
     false_words,
@@ -24,7 +25,8 @@ from lrf3d.studio.scene.found import (
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.panel import INK, PALE
-from lrf3d.studio.scene.shapes import NAMED, PINNED, Inset, Pixels
+from lrf3d.studio.scene.shapes import NAMED, PINNED, Inset, Lines, Pixels, level_lines
+from lrf3d.studio.scene.subject import subject_of
 from lrf3d.studio.scene.timeline import metres, smoothed
 
 # What draws a map, of a size [pixels].
@@ -60,6 +62,9 @@ _NEARS = 1.2
 # How long that is shown [s of the film].
 _CLOSE_LASTS = 3.2
 
+# Height of the outline of what is magnified [m].
+_FRAME_HEIGHT = 0.02
+
 # Number of missed walls whose lengths are said.
 _NAMED = 3
 
@@ -93,6 +98,10 @@ class MapBeside:
         self.close = look.NOTHING
         self._colours = colours if name else ()
         self._letter = letter
+        subject = subject_of(scene.run, scene.timeline.playback)
+        # The width of what is magnified [m], and from when on [s].
+        self.magnified = subject.magnified * (not name)
+        self._since = subject.since
         # Heights of the letters of the name and of the number.
         self.letters = [letter, letter]
         self.window = scene.inset_view(high / wide, turns=True, compared=bool(name))
@@ -100,18 +109,41 @@ class MapBeside:
         self._among_robots = bool(name and robots_of(scene.run.obstacles))
 
     def _window(self, time: float) -> InsetView:
-        """What is shown at a time [s]: after the last scan it is close to a wall."""
+        """What is shown at a time [s]: it comes close to a small drift, or to a wall in the end."""
         timeline = self._scene.timeline
         middle = self.window.middle
-        # The last stop is shown for a while.
-        passed = time - float(timeline.run.trajectory.times.max())
-        passed /= timeline.playback * _NEARS
-        share = smoothed(np.clip(passed, 0.0, 1.0))
-        if middle is None or not len(self.close):
+        if middle is None:
             return self.window
-        width = self.window.width * (_CLOSE / self.window.width) ** share
-        place = self.close.reshape(2, 2).mean(axis=0) - self._scene.origin
-        return self.window._replace(middle=middle + share * (place - middle), width=width)
+        if self.magnified:
+            since, width = self._since, self.magnified
+            gap = self._scene.astray.drift.gap(min(time, timeline.end) - timeline.start)
+            place = 0.5 * (gap.starts + gap.ends)[0, :2]
+        elif len(self.close):
+            # The last stop is shown for a while.
+            since, width = float(timeline.run.trajectory.times.max()), _CLOSE
+            place = self.close.reshape(2, 2).mean(axis=0) - self._scene.origin
+        else:
+            return self.window
+        if time <= since:
+            return self.window
+        whole = self.window.width
+        share = smoothed(min((time - since) / (timeline.playback * _NEARS), 1.0))
+        wide = whole * (width / whole) ** share
+        # The place stays within what is shown.
+        moved = (whole - wide) / (whole - width)
+        return self.window._replace(middle=middle + moved * (place - middle), width=wide)
+
+    def frame(self, time: float) -> Iterator[tuple[str, Lines]]:
+        """The outline of what is magnified at a time [s], on the ground of the picture."""
+        window = self._window(time)
+        if window is self.window or not self.magnified:
+            return
+        half = 0.5 * window.width * np.array([1.0, window.aspect])
+        half = half[::-1] if window.turned else half
+        corners = window.middle + half * [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+        after = np.roll(corners, -1, axis=0)
+        white = np.ones((4, 3))
+        yield "frame", level_lines(_FRAME_HEIGHT, corners, after, white, np.ones((4, 2)), look.BOLD)
 
     @property
     def scale(self) -> float:
@@ -131,7 +163,9 @@ class MapBeside:
         found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
-        inset = self._scene.inset(moment, self._window(time), self._colours, lost)
+        window = self._window(time)
+        close = bool(self.magnified) and window is not self.window
+        inset = self._scene.inset(moment, window, self._colours, lost, close=close)
         named = "Map of " * self._among_robots + self.name
         of = f" of {len(found)}" * (not self._among_robots)
         counts = f"{found.sum()}{of} walls"
@@ -146,6 +180,10 @@ class MapBeside:
         tint, *_ = *self._colours, look.PALE_WALL
         kind = "The map" if len(run.maps) else "Seen"
         name = named or kind + " so far" * (not ended), _ink(tint)
+        if close:
+            timeline = self._scene.timeline
+            drift = self._scene.astray.drift.seen(moment, timeline.playback)
+            name = f"Magnified: {drift.gap_words(moment, timeline.start)}", INK
         red = [("·  " + ", ".join(wrong), _ink(look.FALSE_COLOUR))] * bool(wrong)
         if not self.name:
             return [self._row(name, *red), Image.fromarray(plan)]
@@ -153,23 +191,29 @@ class MapBeside:
         head, number = (row_of(words, letter, self.size[0]) for words, letter in texts)
         return [head, Image.fromarray(plan), *[number] * bool(len(found))]
 
-    def legend(self) -> list[Image.Image]:
-        """What is seen in maps, and their scale."""
+    def legend(self, time: float) -> list[Image.Image]:
+        """What is seen in maps at a time [s], and their scale."""
+        window = self._window(time)
         run: Any = self._scene.run
         own = [*self._colours[:1]] or [*filter(None, self._scene.team.values())]
         segments = [(NAMED, _ink(tint)) for tint in own or look.found_colours(_SHARES)]
         seen = ("■", _ink(look.EXPLORED))
         robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not self._colours)
-        long = round(self.window.bar / self.window.width * self.size[0])
+        long = round(window.bar / window.width * self.size[0])
         scale = Image.new("RGB", (self.size[0], round(LINE * self._letter)), look.PLAN_BACK)
         middle = scale.height // 2
         scale.paste(PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
-        words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
+        bar = f" {window.bar:g} m" if window.bar >= 1.0 else f" {100.0 * window.bar:g} cm"
+        words = row_of(((bar, PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
         order = "walls in the map" if own else "walls, early to late"
         walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
         if (self._among_robots or not self._colours) and has_false_walls(run):
             walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
+        if window is not self.window and self.magnified:
+            tints = {"estimate": look.ESTIMATE_COLOUR, "odometry alone": GHOST_COLOUR}
+            darts = [self._row(("➤", _ink(tint)), (name, PALE)) for name, tint in tints.items()]
+            return [*darts, scale]
         return [
             *walls * bool(len(run.maps)),
             self._row(seen, ("seen by the laser", PALE)),

@@ -192,8 +192,9 @@ class Film:
         if isinstance(self.camera, Story):
             self.camera.leaps = chosen.leaps
             self.camera.names = [*self._scenes]
-            # The maps of several robots stay.
-            self.camera.widens = (not self._scenes) * self._size[0] / self._size[1]
+            # The maps of several robots stay, and so does what is magnified.
+            stays = self._scenes or any(each.magnified for each in self.maps)
+            self.camera.widens = (not stays) * self._size[0] / self._size[1]
 
     def _lay_out(self, chosen: FilmOptions) -> tuple[int, int]:
         """Choose the letters and the gaps round maps; the room for one of them [pixels]."""
@@ -230,7 +231,8 @@ class Film:
         width, _ = self._size
         columns = width - round(view.inset * self._strip)
         shine = [mark for each in [*self._scenes.values()][1:] for mark in each.shine(time)]
-        seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
+        frames = [mark for each in self.maps for mark in each.frame(time)]
+        seen = seen._replace(columns=columns, marks=(*seen.marks, *shine, *frames))
         picture: Pixels = self.renderer.draw(seen)
         if "hud" in self._layers:
             lay_label(picture, self._label(moment, view))
@@ -268,7 +270,7 @@ class Film:
         maps = zip(self.maps, self._drawers, strict=True)
         rows = [row for each, renderer in maps for row in each.rows(time, renderer.plan)]
         width, height = self._size
-        strip = stacked([*rows, *self.maps[0].legend()], (self._strip, height), self._gap)
+        strip = stacked([*rows, *self.maps[0].legend(time)], (self._strip, height), self._gap)
         # What leaves the picture leaves it to the right.
         return np.hstack([picture, strip[:, : width - picture.shape[1]]])
 

@@ -12,11 +12,12 @@ import numpy as np
 
 from lrf3d.geometry.lines import Float, Int, cross
 from lrf3d.geometry.pose import between, compose
+from lrf3d.studio.scene.bodies import flat_dart
 from lrf3d.studio.scene.look import BOLD, TRAIL_HEIGHT, rgb
 from lrf3d.studio.scene.marks import TRAIL_FADE, trail_lines
 from lrf3d.studio.scene.shapes import Lines, Mark, Points, level_lines, single
 from lrf3d.studio.scene.shown import Shown
-from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline, interpolated
+from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline, interpolated, metres, smoothed
 
 # Colour of all that is where odometry alone puts it.
 GHOST_COLOUR = rgb("#ff4d26")
@@ -45,6 +46,18 @@ _SHOTS = ("proof", "rise", "whole", "end")
 # Opacity of these hits.
 _OPAQUE = 0.8
 
+# Largest drift that is magnified, in the extent of the path: a larger one is seen anyway.
+_SMALL = 0.04
+
+# Width of what is magnified, in that drift.
+_MAGNIFIED = 5.0
+
+# Time after the run at which the drift begins to be removed [s of the film].
+_STAYS = 0.6
+
+# Time in which it is removed [s of the film].
+_REMOVED = 1.6
+
 # Colour of the gap between the paths.
 GAP_COLOUR = (1.0, 1.0, 1.0)
 
@@ -58,6 +71,8 @@ class Drift(NamedTuple):
     alone: DriveKeys
     # The scans with which the loop begins and closes that shows it best, if one does.
     loop: tuple[int, int] | None
+    # The share of the drift that is left, 0…1.
+    left: float = 1.0
 
     @classmethod
     def of(cls, run: Shown, origin: Float) -> "Drift | None":
@@ -73,6 +88,20 @@ class Drift(NamedTuple):
         loop = _loop(poses, alone, estimate.closures)
         return cls(DriveKeys(times, poses), DriveKeys(times, alone), loop)
 
+    def seen(self, moment: Moment, playback: float) -> "Drift":
+        """The drift at a moment of a film: after the run it is removed."""
+        passed = (moment.now - moment.time) / playback
+        left = 1.0 - smoothed(np.clip((passed - _STAYS) / _REMOVED, 0.0, 1.0))
+        poses = self.believed.poses + left * (self.alone.poses - self.believed.poses)
+        return self._replace(alone=self.alone._replace(poses=poses), left=float(left))
+
+    @property
+    def magnified(self) -> float:
+        """Width of what is magnified [m]; 0 if no loop is shown, or the drift is seen anyway."""
+        off = np.hypot(*(self.alone.poses - self.believed.poses)[:, :2].T).max()
+        extent = np.ptp(self.believed.poses[:, :2], axis=0).max()
+        return float(_MAGNIFIED * off * (self.loop is not None and off < _SMALL * extent))
+
     def gap(self, time: float) -> Lines:
         """The line from where odometry alone puts the robot at a time [s] to where it is."""
         ghost, robot = (
@@ -81,6 +110,10 @@ class Drift(NamedTuple):
         )
         colours = np.array([GAP_COLOUR])
         return level_lines(2.0 * TRAIL_HEIGHT, ghost, robot, colours, np.ones((1, 2)), BOLD)
+
+    def gap_words(self, moment: Moment, start: float) -> str:
+        """What is said of how far odometry alone is off at a moment of a run with a start [s]."""
+        return f"gap {metres(self.off(moment.time - start))}"
 
     def off(self, time: float) -> float:
         """How far odometry alone is off the estimate at a time [s], [m]."""
@@ -113,18 +146,22 @@ class Astray:
 
     def __init__(self, run: Shown, drift: Drift) -> None:
         self._run = run
-        self._drift = drift
+        self.drift = drift
 
     @cached_property
-    def _met(self) -> tuple[Int, Float]:
-        """The scans (n,) of some hits, and where odometry alone puts these (n, 2) [m]."""
+    def _met(self) -> tuple[Int, Float, Float]:
+        """The scans (n,) of some hits, where odometry alone puts these, and where they are [m]."""
         poses = self._run.trajectory.poses
         scans = [self._run.scans_at(number)[0] for number in range(len(poses))]
         every = 1 + sum(int(scan.hits.sum()) for scan in scans) // _HITS
         hits = [scan.points()[number % every :: every] for number, scan in enumerate(scans)]
         whose = np.repeat(np.arange(len(scans)), [len(each) for each in hits])
         met = between(poses[whose], np.insert(np.concatenate(hits), 2, 0.0, axis=1))
-        return whose, compose(self._drift.alone.poses[whose], met)[:, :2]
+        astray, there = (
+            compose(keys.poses[whose], met)[:, :2]
+            for keys in (self.drift.alone, self.drift.believed)
+        )
+        return whose, astray, there
 
     def marks(
         self, moment: Moment, shot: str, timeline: Timeline
@@ -132,16 +169,25 @@ class Astray:
         """Layer, name and mark at a moment of a shot."""
         now = moment.time - timeline.start
         fade = TRAIL_FADE * timeline.playback
-        yield "estimate", "drift", trail_lines(self._drift.alone, now, fade, GHOST_COLOUR)
-        if self._drift.loop is not None and shot in _SHOTS:
-            yield "estimate", "astray", self.points(moment.mapped)
-        yield "estimate", "gap", self._drift.gap(now)
+        seen = self.drift.seen(moment, timeline.playback)
+        yield "estimate", "drift", trail_lines(seen.alone, now, fade, GHOST_COLOUR)
+        if seen.loop is not None and shot in _SHOTS:
+            yield "estimate", "astray", self.points(moment.mapped, seen.left)
+        yield "estimate", "gap", seen.gap(now)
 
-    def points(self, scan: int) -> Points:
-        """What has been met up to a scan."""
-        whose, places = self._met
-        level = places[whose <= scan]
-        colours = np.tile([*GHOST_COLOUR, _OPAQUE], (len(level), 1))
+    def close(self, moment: Moment, timeline: Timeline, dart: float) -> Iterator[tuple[str, Mark]]:
+        """Name and mark of what a map magnifies, with the robot as a dart of a size."""
+        for _, name, mark in self.marks(moment, "", timeline):
+            yield name, mark
+        seen = self.drift.seen(moment, timeline.playback).alone
+        (ghost,) = interpolated(np.array([moment.time - timeline.start]), seen.times, seen.poses)
+        yield "ghost", flat_dart(ghost, dart, 0.0, GHOST_COLOUR)
+
+    def points(self, scan: int, left: float = 1.0) -> Points:
+        """What has been met up to a scan, with a share of the drift that is left."""
+        whose, astray, there = self._met
+        level = (there + left * (astray - there))[whose <= scan]
+        colours = np.tile([*GHOST_COLOUR, _OPAQUE * left], (len(level), 1))
         spots = np.insert(level, 2, self._run.lasers[0].height, axis=1)
         sides = single(0.0 * level)
         return Points(single(spots), single(colours), sides, *_HIT_SIZE, glows=False)

@@ -149,7 +149,7 @@ class Scene:
         self._outlines = outlines_of(structures)
         self._estimate = DrawnEstimate.from_timeline(timeline)
         drift = Drift.of(run, self.origin)
-        self._astray = None if drift is None else Astray(run, drift)
+        self.astray = None if drift is None else Astray(run, drift)
         # Among robots, a colour is a robot, not when a wall was found.
         own = look.TRAIL_COLOUR if self._robots else None
         self.team: Mapping[Any, look.Colour | None] = team or {run: own}
@@ -230,7 +230,7 @@ class Scene:
             ("shadow", "shadows", self.obstacles.shadows(moment.time)),
             ("trail", "past", self.obstacles.past(moment.time, self.timeline.playback)),
             ("goal", "goal", self._goal),
-            *(self._astray.marks(moment, view.shot, self.timeline) if self._astray else ()),
+            *(self.astray.marks(moment, view.shot, self.timeline) if self.astray else ()),
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
@@ -421,6 +421,8 @@ class Scene:
         view: InsetView,
         colours: Sequence[look.Colour] = (),
         lost: Float = look.NOTHING,
+        *,
+        close: bool = False,
     ) -> Inset:
         """The map so far from straight above, on what was seen: what is not known is dark.
 
@@ -434,16 +436,20 @@ class Scene:
         others = self.obstacles.from_above(moment.time, dart)
         walls = self._snapshot(moment).inset
         if colours:
-            tint, own = colours
+            wall, own = colours
             now = moment.time - self.timeline.start
             trails = {"trail": trail_lines(self.keys, now, np.inf, own)}
             others = []
             walls = walls._replace(width=_CLEARER * walls.width)
             if self.team[self.run] is None:
-                walls = walls._replace(colours=single(np.tile(tint, (len(walls.starts), 1))))
+                walls = walls._replace(colours=single(np.tile(wall, (len(walls.starts), 1))))
+        tint = colours[1] if colours else look.ROBOT
+        if self.astray and close:
+            trails = {**dict(self.astray.close(moment, self.timeline, dart)), **trails}
+            tint = look.ESTIMATE_COLOUR
         red = np.tile(look.FALSE_COLOUR, (len(lost), 1))
         start, end = np.hsplit(lost - np.tile(self.origin, 2), 2)
-        robot = bodies.flat_dart(pose, dart, 0.0, colours[1] if colours else look.ROBOT)
+        robot = bodies.flat_dart(pose, dart, 0.0, tint)
         marks: list[tuple[str, Mark | None]] = [
             ("points", hits and hits._replace(glows=False)),
             ("map", walls),

@@ -24,7 +24,7 @@ from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import NAMED, PINNED, Label
 from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
 from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
-from lrf3d.studio.scene.timeline import Moment, lasting, metres
+from lrf3d.studio.scene.timeline import Moment, lasting
 
 # Kinds of panels: all numbers, or three facts.
 PANELS = ("full", "short")
@@ -94,7 +94,10 @@ def panel(
     Robots have names where each has a map, the run's own first.
     """
     if has_card(run, moment, view):
-        return _CARDS.of(run, partial(_card, run, playback))
+        card: Label = _CARDS.of(run, partial(_card, run, playback))
+        drifted = [(words, whole(tint)) for words, tint in _drifted(run, moment, playback)]
+        lines = [*zip(card.text, card.colours, strict=True), *drifted]
+        return _label(lines)
     head, *said = view.said or [""]
     head = head or _caption(run, moment, view.shot, playback)
     if full:
@@ -153,17 +156,17 @@ def _card(run: Run, playback: float) -> Label:
     subject = subject_of(run, playback)
     told = [(subject.found, INK)] * bool(subject.found)
     colour = PALE if told else INK
-    drifted = [(words, whole(tint)) for words, tint in _drifted(run, np.inf)]
-    return _label([*told, (found, colour), *missed, *drifted, (rest, PALE)])
+    return _label([*told, (found, colour), *missed, (rest, PALE)])
 
 
-def _drifted(run: Run, time: float) -> list[tuple[str, look.Colour]]:
-    """The names of the path by odometry alone, and of how far it is off at a time [s]."""
+def _drifted(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
+    """The names of the path by odometry alone, and of how far it is off at a moment."""
     drift = _drift_of(run)
-    if drift is None:
+    drift = drift and drift.seen(moment, playback)
+    if not (drift and drift.left):
         return []
-    gap = metres(drift.off(time - run.trajectory.times.min()))
-    return [("━ odometry alone", GHOST_COLOUR), (f"━ gap {gap}", GAP_COLOUR)]
+    gap = drift.gap_words(moment, run.trajectory.times.min())
+    return [("━ odometry alone", GHOST_COLOUR), (f"━ {gap}", GAP_COLOUR)]
 
 
 def _trails(
@@ -178,7 +181,7 @@ def _trails(
         colours = [look.TRAIL_COLOUR, *(colour for _, colour in others)]
         names = robot_names(run.obstacles, robots)
         found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
-    found += _drifted(run, moment.time)
+    found += _drifted(run, moment, playback)
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
     found += _removed(run, moment, playback)
     red, green, blue = HEIGHT_COLOURS[1].tolist()

@@ -44,7 +44,7 @@ CLOSING = 3.2
 FILLING = 0.8
 
 # How much longer that is with what odometry puts astray [s of the film].
-_ASTRAY = 1.0
+_ASTRAY = 1.3
 
 # Approximate length of each other shot [s of the film].
 _SHOT = 2.0
@@ -105,10 +105,12 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     lasts = (timeline.end - timeline.start) / playback
     subject = subject_of(timeline.run, playback)
     astray = _ASTRAY * (subject.since is not None)
-    fixed = FIRST - OPENING + RISE + CLOSING + astray
+    # Its opening is as much shorter.
+    opening = FIRST - astray
+    fixed = opening - OPENING + RISE + CLOSING + astray
     # In a shorter film, the same shots are shorter.
     scale = min(1.0, (length + OPENING) / (fixed + OPENING + _SHOT))
-    first = min(scale * FIRST, _FIRST_SHARE * lasts)
+    first = min(scale * opening, _FIRST_SHARE * lasts)
     # What the opening shows is proven by it; rounding neither loses the moment nor shows it twice.
     moment = subject.moment
     proven = -np.inf if moment is None else moment - _ROUNDING

@@ -14,8 +14,9 @@ import numpy as np
 from lrf3d.geometry.lines import Float, cross, directions
 from lrf3d.studio.scene.bodies import robot_names
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
-from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
-from lrf3d.studio.scene.look import SECTION, TINY, Rig
+from lrf3d.studio.scene.cameras import CARD, chase, corners_of, fitted, overview
+from lrf3d.studio.scene.drift import Drift
+from lrf3d.studio.scene.look import NOTHING, SECTION, TINY, Rig
 from lrf3d.studio.scene.shots import CLOSING, FIRST_SHOT, LENGTH, SHOTS, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import AROUND, Structures
@@ -183,6 +184,12 @@ class Story:
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
+        # What is in the picture of the whole until a drift is removed (n, 3), if it is seen.
+        self._ghost = NOTHING[:, :3]
+        drift = Drift.of(timeline.run, timeline.origin)
+        if drift is not None and self._subject.since is not None:
+            ghost = np.insert(drift.alone.poses[:, :2], 2, 0.0, axis=1)
+            self._ghost = np.vstack([corners_of(timeline, structures), ghost])
         # There it comes to rest.
         steeps = _PANE_STEEPS if structures.glass.any() else _STEEPS
         self._plan = overview(timeline, structures, CARD, middle, 0.0, steeps, self._whole)
@@ -262,6 +269,9 @@ class Story:
         turned = self._timeline.end + self._timeline.playback * turned
         wide = self.widens or aspect
         whole = self._whole.track(wide).at(turned)._replace(times=times)
+        if len(self._ghost):
+            how = whole.steeps[0], whole.fields[0], wide, CARD
+            whole = fitted(self._ghost, times, whole.turns, *how)
         if shot.name == "whole":
             return _Take(whole)
         if shot.name == "end":
