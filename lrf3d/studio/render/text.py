@@ -9,7 +9,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.studio.scene.look import PLAN_BACK, TINY, WHITE, scale
-from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
+from lrf3d.studio.scene.pins import Pins
+from lrf3d.studio.scene.shapes import NAMED, Label, Lens, Pixels
 from lrf3d.studio.scene.timeline import smoothed
 
 # Height of a line in letters.
@@ -38,6 +39,9 @@ _DARKEST = 0.74
 
 # Size of the darkened corner, in the text's.
 _SHADED = 1.6
+
+# Height of the letters of pins [pixels of 720 lines].
+_PINNED = 25.0
 
 # Words and their colours, 0…255.
 Words = tuple[tuple[str, tuple[int, ...]], ...]
@@ -149,3 +153,23 @@ def lay_label(picture: Pixels, label: Label) -> None:
         under = Image.fromarray(part)
         under.paste(tint, mask=cover)
         part[:] = np.asarray(under)
+
+
+def lay_pins(picture: Pixels, pins: Pins | None, lens: Lens, colour: tuple[int, ...]) -> None:
+    """Lay what pins say over a picture, where they end; the first lie over the others."""
+    if pins is None:
+        return
+    size = picture.shape[1::-1]
+    gap = gap_of(size) // 2
+    laid = Image.fromarray(picture)
+    clips = np.stack([pins.tips, pins.ends]) @ lens.matrix[:, :3].T + lens.matrix[:, 3]
+    tips, ends = 0.5 * (1.0 + clips[..., :2] / clips[..., 3:]) * size
+    for (x, _), (left, middle), said in [*zip(tips, ends, pins.words, strict=True)][::-1]:
+        row = row_of(((said, colour),), round(_PINNED * scale_of(size)), size[0])
+        leftwards = left < x or left + gap + row.width > size[0]
+        left = min(left, x) - gap - row.width if leftwards else left + gap
+        place = np.array([left, middle - row.height / 2])
+        place = np.clip(place, 0, np.array(size) - row.size).astype(int)
+        laid.paste(PLAN_BACK, (*place, *(place + row.size)))
+        laid.paste(row, tuple(place), row)
+    picture[:] = np.asarray(laid)

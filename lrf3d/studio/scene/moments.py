@@ -12,17 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import LEFT, Float, directions, lengths
+from lrf3d.geometry.lines import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.cameras import places_of
 from lrf3d.studio.scene.clouds import draw_clouds
-from lrf3d.studio.scene.drift import Astray, Drift
-from lrf3d.studio.scene.found import lost_after
+from lrf3d.studio.scene.drift import GHOST_COLOUR, Drift
 from lrf3d.studio.scene.glass import Panes, bounced, some_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import TRAIL_FADE, DrawnEstimate, DrawnMap, draw_beams, trail_lines
+from lrf3d.studio.scene.pins import Pins
 from lrf3d.studio.scene.shapes import (
     ON_TOP,
     Inset,
@@ -82,15 +82,6 @@ _LASER_TINTS = np.array(
 # How much wider walls are that have the colour of their robot: of those, some are lost.
 _CLEARER = 1.5
 
-# Half the width of ribbons along walls that the map misses, in the distance of the eye.
-_RIBBON = 0.004
-
-# Height of the pins that point at these, likewise.
-_PIN = 0.018
-
-# Number of pins at most, at the longest of these walls: more would hide the map.
-_PINS = 8
-
 # Diameter of a point of the inset [m], at least and at most [pixels of 720 lines].
 _SPOT = 0.1, (6.0, 12.0)
 
@@ -148,13 +139,12 @@ class Scene:
         self._mirrors = structures.segments[structures.mirrors]
         self._outlines = outlines_of(structures)
         self._estimate = DrawnEstimate.from_timeline(timeline)
-        drift = Drift.of(run, self.origin)
-        self.astray = None if drift is None else Astray(run, drift)
+        self.drift = Drift.of(run, self.origin)
         # Among robots, a colour is a robot, not when a wall was found.
         own = look.TRAIL_COLOUR if self._robots else None
         self.team: Mapping[Any, look.Colour | None] = team or {run: own}
-        # The runs of which it is shown what their maps miss.
-        self.judged: list[Any] = [run]
+        # The runs of which it is shown what their maps miss, by their names; else it is this one.
+        self.judged: Mapping[str, Any] = {}
         self._panes = Latest(2)
         self._maps = Latest()
         self._beams = Latest()
@@ -223,6 +213,9 @@ class Scene:
         if telling and view.shot == PROOF:
             beams = None
         drawn = self._snapshot(moment)
+        pins = self.pins(view)
+        playback = self.timeline.playback
+        drifted = self.drift.marks(moment, view.shot, playback) if self.drift else ()
         along = [("map", "ghosts", drawn.ghosts), ("map", "bands", drawn.bands)]
         return [
             *self._edges(moment, view),
@@ -230,13 +223,13 @@ class Scene:
             ("shadow", "shadows", self.obstacles.shadows(moment.time)),
             ("trail", "past", self.obstacles.past(moment.time, self.timeline.playback)),
             ("goal", "goal", self._goal),
-            *(self.astray.marks(moment, view.shot, self.timeline) if self.astray else ()),
+            *(("estimate", name, mark) for name, mark in drifted),
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
             *telling,
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
-            ("map", "lost", self._lost(moment, view)),
+            ("map", "lost", pins and pins.mark),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
             *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
@@ -385,24 +378,11 @@ class Scene:
             turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
             yield "beams", "turned beam", turned
 
-    def _lost(self, moment: Moment, view: Look) -> Soft | None:
-        """Ribbons along the walls that the map misses in the end, with some pins, on top."""
-        # Robots share their walls.
+    def pins(self, view: Look) -> Pins | None:
+        """Pins at the walls that maps miss in the end; robots share their walls."""
         if view.shot != "end" or self._robots:
             return None
-        missed = [lost_after(run, moment.mapped) for run in self.judged]
-        lost = np.unique(np.concatenate(missed), axis=0) - np.tile(self.origin, 2)
-        lost = lost[np.argsort(-lengths(lost), kind="stable")]
-        start, end = np.hsplit(lost, 2)
-        aside = _RIBBON * view.away * directions(lost) @ LEFT
-        quads = np.stack([start + aside, end + aside, end - aside, start - aside], axis=1)
-        ribbons = np.insert(quads[:, [0, 1, 2, 0, 2, 3]], 2, self._height, axis=2)
-        tips = np.insert(0.5 * (start + end)[:_PINS], 2, self._height, axis=1)
-        right, up, _ = _PIN * view.away * view.pose[:3, :3].T
-        pins = np.stack([tips, tips + up - right, tips + up + right], axis=1)
-        corners = np.concatenate([ribbons.reshape(-1, 3, 3), pins])
-        colours = np.tile([*look.FALSE_COLOUR, 1.0], (len(corners), 3, 1))
-        return Soft(single(corners), single(colours), on_top=True)
+        return Pins.of(self.judged or {"": self.run}, view, self._frame - [0.0, 0.0, self._height])
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""
@@ -432,20 +412,20 @@ class Scene:
         pose = moment.pose - self._frame
         _, hits, _ = self._beams_at(moment)
         dart = _DART_SHARE * view.width * max(1.0, view.aspect) ** 0.5
-        trails = {name: line for _, name, line in self._trails_at(moment.time)}
+        trails: dict[str, Mark] = {name: line for _, name, line in self._trails_at(moment.time)}
         others = self.obstacles.from_above(moment.time, dart)
         walls = self._snapshot(moment).inset
         if colours:
-            wall, own = colours
             now = moment.time - self.timeline.start
-            trails = {"trail": trail_lines(self.keys, now, np.inf, own)}
+            trails = {"trail": trail_lines(self.keys, now, np.inf, colours[1])}
             others = []
             walls = walls._replace(width=_CLEARER * walls.width)
-            if self.team[self.run] is None:
-                walls = walls._replace(colours=single(np.tile(wall, (len(walls.starts), 1))))
         tint = colours[1] if colours else look.ROBOT
-        if self.astray and close:
-            trails = {**dict(self.astray.close(moment, self.timeline, dart)), **trails}
+        if self.drift and close:
+            playback = self.timeline.playback
+            ghost, _ = self.drift.seen(moment, playback).ends(moment.time)
+            others = [bodies.flat_dart(ghost, dart, 0.0, GHOST_COLOUR)]
+            trails = {**dict(self.drift.marks(moment, "", playback)), **trails}
             tint = look.ESTIMATE_COLOUR
         red = np.tile(look.FALSE_COLOUR, (len(lost), 1))
         start, end = np.hsplit(lost - np.tile(self.origin, 2), 2)

@@ -18,10 +18,10 @@ from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
 from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, Drift
-from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
+from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_walls
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
-from lrf3d.studio.scene.shapes import NAMED, PINNED, Label
+from lrf3d.studio.scene.shapes import NAMED, Label
 from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
 from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
 from lrf3d.studio.scene.timeline import Moment, lasting
@@ -68,10 +68,6 @@ def _mapped(run: Run, scan: int) -> str:
         return f"{counted(segments, 'segment')} mapped" if segments else distances(run, scan)
     false = false_words(false_after(run, scan))
     return f"{found.sum()} of {counted(len(found), 'wall')} found{false}"
-
-
-def _drift_of(run: Run) -> Drift | None:
-    return _DRIFTS.of(run, partial(Drift.of, run, np.zeros(2)))
 
 
 def has_card(run: Run, moment: Moment, view: Look) -> bool:
@@ -151,7 +147,7 @@ def _card(run: Run, playback: float) -> Label:
         found = found_words(score_run(judged_part(run)).as_dict())
         found += false_words(false_after(run, len(run) - 1))
         rest = "what it never saw stays dark"
-    lost = lost_words(run)
+    _, lost, _ = lost_walls(run)
     missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
     told = [(subject.found, INK)] * bool(subject.found)
@@ -161,12 +157,9 @@ def _card(run: Run, playback: float) -> Label:
 
 def _drifted(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
     """The names of the path by odometry alone, and of how far it is off at a moment."""
-    drift = _drift_of(run)
-    drift = drift and drift.seen(moment, playback)
-    if not (drift and drift.left):
-        return []
-    gap = drift.gap_words(moment, run.trajectory.times.min())
-    return [("━ odometry alone", GHOST_COLOUR), (f"━ {gap}", GAP_COLOUR)]
+    drift = _DRIFTS.of(run, partial(Drift.of, run, np.zeros(2)))
+    gap = drift.words(moment, playback) if drift else ""
+    return [("━ odometry alone", GHOST_COLOUR), (f"━ {gap}", GAP_COLOUR)] if gap else []
 
 
 def _trails(
@@ -211,11 +204,6 @@ def whole(colour: look.Colour) -> tuple[int, int, int]:
     """A colour for text in whole numbers, paler on its dark ground."""
     red, green, blue = (round(255 * part) for part in look.paler(colour))
     return red, green, blue
-
-
-def tint_of(words: str) -> tuple[int, int, int]:
-    """The colour of a line of the card: red where pins point at what it says."""
-    return whole(look.FALSE_COLOUR) if words.startswith(PINNED) else PALE
 
 
 def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float = SIZE) -> Label:

@@ -126,9 +126,6 @@ class Points(NamedTuple):
 # What a line of text that names a colour begins with.
 NAMED = "━"
 
-# What a line begins with that says what pins point at.
-PINNED = "▼"
-
 
 class Label(NamedTuple):
     """Lines of text in the lower left corner, of which the first is the largest."""

@@ -270,7 +270,7 @@ class Story:
         wide = self.widens or aspect
         whole = self._whole.track(wide).at(turned)._replace(times=times)
         if len(self._ghost):
-            how = whole.steeps[0], whole.fields[0], wide, CARD
+            how = whole.steeps[0], whole.fields[0], wide, _TEXT
             whole = fitted(self._ghost, times, whole.turns, *how)
         if shot.name == "whole":
             return _Take(whole)

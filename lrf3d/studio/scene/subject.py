@@ -72,8 +72,8 @@ class Subject(NamedTuple):
     told: bool = False
     # The direction of what is seen from its side [rad], with the robot on its right.
     along: float | None = None
-    # The width of what the map beside the picture magnifies from then on [m]; 0 if nothing.
-    magnified: float = 0.0
+    # From when on the map beside the picture magnifies it [s], and the width of what it shows [m].
+    magnified: tuple[float, ...] = ()
     # What is said after the title.
     then: str = "What its laser has seen is lit"
 
@@ -125,8 +125,8 @@ def _loop(run: Shown) -> Subject | None:
         since=begins,
         until=closes,
         after=f"Back after {metres(length)}: red shows the drift",
-        found=f"{metres(drift.off(drift.alone.times[-1]))} of drift removed",
-        magnified=drift.magnified,
+        found=f"{metres(drift.off(run.trajectory.times[-1]))} of drift removed",
+        magnified=(begins, drift.magnified) * bool(drift.magnified),
     )
 
 
