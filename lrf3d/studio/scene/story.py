@@ -10,6 +10,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from lrf3d.geometry.lines import Float, cross, directions
 from lrf3d.studio.scene.bodies import robot_names
@@ -188,7 +189,8 @@ class Story:
         self._ghost = NOTHING[:, :3]
         drift = Drift.of(timeline.run, timeline.origin)
         if drift is not None and self._subject.since is not None:
-            ghost = np.insert(drift.alone.poses[:, :2], 2, 0.0, axis=1)
+            around = shapely.convex_hull(shapely.multipoints(drift.alone.poses[:, :2]))
+            ghost = np.insert(shapely.get_coordinates(around), 2, 0.0, axis=1)
             self._ghost = np.vstack([corners_of(timeline, structures), ghost])
         # There it comes to rest.
         steeps = _PANE_STEEPS if structures.glass.any() else _STEEPS
