@@ -138,9 +138,9 @@ def _pictures(
         beside = {"maps": robots}
     elif len(runs) > 1:
         reach = f"{scenario.lrf.range_max:g} m"
-        levels = [f"noise {100 * level:g} cm at {reach}" for level in args.sigma or scenario.sigmas]
+        levels = [f"noise ±{100 * level:g} cm" for level in args.sigma or scenario.sigmas]
         beside["columns"] = dict(zip(levels, runs, strict=True))
-        beside["title"] = "The same drive; only the laser's noise differs"
+        beside["title"] = f"The same drive; only the laser's noise at {reach} differs"
     seen = {"scan": shown.scan(0), "route": scenario.route, "poses": scenario.poses}
     pictures: dict[str, Drawing] = {
         "world picture": ("world.png", partial(draw_figure, "world", shown.world, **seen))

@@ -24,8 +24,9 @@ from lrf3d.studio.scene.found import (
 from lrf3d.studio.scene.inset import InsetView
 from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.panel import INK, PALE
-from lrf3d.studio.scene.shapes import NAMED, PINNED, Inset, Pixels
-from lrf3d.studio.scene.timeline import metres, smoothed
+from lrf3d.studio.scene.shapes import NAMED, Inset, Lines, Pixels, level_lines
+from lrf3d.studio.scene.subject import subject_of
+from lrf3d.studio.scene.timeline import Moment, metres, smoothed
 
 # What draws a map, of a size [pixels].
 Draw = Callable[[Inset, tuple[int, int]], Pixels]
@@ -60,8 +61,9 @@ _NEARS = 1.2
 # How long that is shown [s of the film].
 _CLOSE_LASTS = 3.2
 
-# Number of missed walls whose lengths are said.
-_NAMED = 3
+# Height of the outline of what is magnified [m], and its corners in half its size.
+_FRAMED = 0.02
+_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 # Colour of the frame of a map, 0…255.
 _FRAME_COLOUR = (38, 50, 72)
@@ -93,6 +95,8 @@ class MapBeside:
         self.close = look.NOTHING
         self._colours = colours if name else ()
         self._letter = letter
+        # From when on a small drift is magnified [s], and the width of what is shown then [m].
+        self.magnified = subject_of(scene.run, scene.timeline.playback).magnified * (not name)
         # Heights of the letters of the name and of the number.
         self.letters = [letter, letter]
         self.window = scene.inset_view(high / wide, turns=True, compared=bool(name))
@@ -100,18 +104,35 @@ class MapBeside:
         self._among_robots = bool(name and robots_of(scene.run.obstacles))
 
     def _window(self, time: float) -> InsetView:
-        """What is shown at a time [s]: after the last scan it is close to a wall."""
+        """What is shown at a time [s]: it comes close to a small drift, or to a wall in the end."""
         timeline = self._scene.timeline
-        middle = self.window.middle
         # The last stop is shown for a while.
-        passed = time - float(timeline.run.trajectory.times.max())
-        passed /= timeline.playback * _NEARS
-        share = smoothed(np.clip(passed, 0.0, 1.0))
-        if middle is None or not len(self.close):
+        since = float(timeline.run.trajectory.times.max())
+        width = _CLOSE
+        ends = self.close.reshape(-1, 2) - self._scene.origin
+        if self.magnified and self._scene.drift:
+            since, width = self.magnified
+            ends = self._scene.drift.ends(time)[:, :2]
+        if self.window.middle is None or not len(ends) or time <= since:
             return self.window
-        width = self.window.width * (_CLOSE / self.window.width) ** share
-        place = self.close.reshape(2, 2).mean(axis=0) - self._scene.origin
-        return self.window._replace(middle=middle + share * (place - middle), width=width)
+        whole = self.window.width
+        share = smoothed(min((time - since) / (timeline.playback * _NEARS), 1.0))
+        wide = whole * (width / whole) ** share
+        # The place stays within what is shown.
+        moved = (1.0 - wide / whole) / max(1.0 - width / whole, look.TINY)
+        middle = self.window.middle + moved * (ends.mean(axis=0) - self.window.middle)
+        return self.window._replace(middle=middle, width=wide)
+
+    def frame(self, time: float) -> list[tuple[str, Lines]]:
+        """The outline of what is magnified at a time [s], on the ground of the picture."""
+        window = self._window(time)
+        if not self.magnified or window is self.window:
+            return []
+        middle = np.asarray(window.middle)
+        corners = middle + _SQUARE @ np.linalg.inv(window.lens(middle).matrix[:2, :2]).T
+        others = np.roll(corners, -1, axis=0)
+        white = np.ones((len(corners), 3))
+        return [("frame", level_lines(_FRAMED, corners, others, white, white[:, :2], look.BOLD))]
 
     @property
     def scale(self) -> float:
@@ -123,6 +144,16 @@ class MapBeside:
         timeline = self._scene.timeline
         return timeline.moment(time).mapped == len(timeline.run.trajectory.times) - 1
 
+    def _title(self, moment: Moment, window: InsetView) -> str:
+        """Whose map is shown at a moment, or what of it."""
+        if self.name:
+            return "Map of " * self._among_robots + self.name
+        drift = self._scene.drift
+        if drift and self.magnified and window is not self.window:
+            return f"Magnified {drift.words(moment, self._scene.timeline.playback)}"
+        kind = "The map" if len(self._scene.run.maps) else "Seen"
+        return kind + " so far" * (not self.has_ended(moment.time))
+
     def rows(self, time: float, draw: Draw) -> list[Image.Image]:
         """The name, the map and its number at a time [s], with what draws it."""
         run: Any = self._scene.run
@@ -131,8 +162,9 @@ class MapBeside:
         found = found_after(run, moment.mapped) if self.name or ended else np.zeros(0, bool)
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
-        inset = self._scene.inset(moment, self._window(time), self._colours, lost)
-        named = "Map of " * self._among_robots + self.name
+        window = self._window(time)
+        close = window is not self.window
+        inset = self._scene.inset(moment, window, self._colours, lost, close=close)
         of = f" of {len(found)}" * (not self._among_robots)
         counts = f"{found.sum()}{of} walls"
         wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
@@ -144,8 +176,7 @@ class MapBeside:
         plan = draw(inset, self.size)
         plan[[0, -1]] = plan[:, [0, -1]] = _FRAME_COLOUR
         tint, *_ = *self._colours, look.PALE_WALL
-        kind = "The map" if len(run.maps) else "Seen"
-        name = named or kind + " so far" * (not ended), _ink(tint)
+        name = self._title(moment, window), _ink(tint)
         red = [("·  " + ", ".join(wrong), _ink(look.FALSE_COLOUR))] * bool(wrong)
         if not self.name:
             return [self._row(name, *red), Image.fromarray(plan)]
@@ -153,23 +184,26 @@ class MapBeside:
         head, number = (row_of(words, letter, self.size[0]) for words, letter in texts)
         return [head, Image.fromarray(plan), *[number] * bool(len(found))]
 
-    def legend(self) -> list[Image.Image]:
-        """What is seen in maps, and their scale."""
+    def legend(self, time: float) -> list[Image.Image]:
+        """What is seen in maps at a time [s], and their scale."""
+        window = self._window(time)
         run: Any = self._scene.run
         own = [*self._colours[:1]] or [*filter(None, self._scene.team.values())]
         segments = [(NAMED, _ink(tint)) for tint in own or look.found_colours(_SHARES)]
         seen = ("■", _ink(look.EXPLORED))
         robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not self._colours)
-        long = round(self.window.bar / self.window.width * self.size[0])
+        long = round(window.bar / window.width * self.size[0])
         scale = Image.new("RGB", (self.size[0], round(LINE * self._letter)), look.PLAN_BACK)
         middle = scale.height // 2
         scale.paste(PALE, (0, middle, long, middle + 1 + round(_BAR * self._letter)))
-        words = row_of(((f" {self.window.bar:g} m", PALE),), self._letter, self.size[0] - long)
+        words = row_of(((f" {window.bar:g} m", PALE),), self._letter, self.size[0] - long)
         scale.paste(words, (long, 0), words)
         order = "walls in the map" if own else "walls, early to late"
         walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
         if (self._among_robots or not self._colours) and has_false_walls(run):
             walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
+        if self.magnified and window is not self.window:
+            return [scale]
         return [
             *walls * bool(len(run.maps)),
             self._row(seen, ("seen by the laser", PALE)),
@@ -196,8 +230,8 @@ class Comparison:
         self._size = size
         self.maps, self._cell = self._laid_out(scenes, letter)
         timelines = [each.timeline for each in scenes.values()]
-        runs: list[Any] = [each.run for each in timelines]
-        self.runs = runs
+        self.named: dict[str, Any] = {name: each.run for name, each in scenes.items()}
+        runs = [*self.named.values()]
         parts, counts = missed_by(runs)
         # What all maps miss is not lost by more noise.
         self._lost = lengths(parts[counts < len(runs)])
@@ -248,15 +282,17 @@ class Comparison:
         )
 
     def card(self) -> tuple[str, ...]:
-        """What is said in the end: what each map misses, and whether these walls are short."""
-        walls = [lengths(visible_to(run)[0]) for run in self.runs]
-        lost = [lengths(lost_after(run, len(run) - 1)) for run in self.runs]
-        rows = list[str]()
-        for each, seen, missed in zip(self.maps, walls, lost, strict=True):
-            words = ", ".join(metres(long) for long in missed.tolist())
-            named = f"; missed: {words}" * (0 < len(missed) <= _NAMED)
-            found = f"{each.name}: {len(seen) - len(missed)} of {len(seen)} walls found{named}"
-            rows.append(f"{PINNED} " * bool(len(missed)) + found)
+        """What is said in the end: what each map has, and whether the walls they miss are short."""
+        runs = self.named.values()
+        walls = [lengths(visible_to(run)[0]) for run in runs]
+        lost = [lengths(lost_after(run, len(run) - 1)) for run in runs]
+        # The picture is lit by the first drive.
+        names = [each.name for each in self.maps]
+        names[:1] = [f"{name} (this picture)" for name in names[:1]]
+        rows = [
+            f"{name}: {len(seen) - len(missed)} of {len(seen)} walls found"
+            for name, seen, missed in zip(names, walls, lost, strict=True)
+        ]
         longest = self._lost.max(initial=0.0)
         short = 0.0 < longest < max((np.median(seen) for seen in walls), default=0.0)
         head = "Short walls are lost in noise first" if short else self.title

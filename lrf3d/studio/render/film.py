@@ -18,16 +18,25 @@ from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.beside import LETTER, Comparison, MapBeside, together
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
-from lrf3d.studio.render.text import LINE, band_of, banded, gap_of, scale_of, stacked
+from lrf3d.studio.render.text import (
+    LINE,
+    band_of,
+    banded,
+    gap_of,
+    lay_pins,
+    scale_of,
+    stacked,
+)
 from lrf3d.studio.scene import panel
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
-from lrf3d.studio.scene.look import PALE_WALL, SIZE, TRAIL_COLOUR, Colour
+from lrf3d.studio.scene.look import FALSE_COLOUR, PALE_WALL, SIZE, TRAIL_COLOUR, Colour
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
 from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
 from lrf3d.studio.scene.shots import FIRST_SHOT, LENGTH, LONGEST, SHORTEST, SHOTS
 from lrf3d.studio.scene.stage.stage import Stage
 from lrf3d.studio.scene.story import Story
+from lrf3d.studio.scene.subject import subject_of
 from lrf3d.studio.scene.timeline import Moment, Timeline
 from lrf3d.studio.scene.views import make_camera, margin
 from lrf3d.world.cameras import check_view
@@ -168,14 +177,14 @@ class Film:
 
         def made(each: Run, painted: Stage) -> Scene:
             timeline = Timeline(each, playback=chosen.playback)
-            return Scene(timeline, None, painted, team={each: team.get(each)})
+            return Scene(timeline, None, painted, team={each: team.get(each, PALE_WALL)})
 
         self._scenes, others = (
             {name: made(each, painted) for name, (each, painted) in some.items()}
             for some in (maps, compared)
         )
         self._comparison = Comparison(others, chosen.size, chosen.title)
-        self.scene.judged += self._comparison.runs
+        self.scene.judged = self._comparison.named
         room = self._lay_out(chosen)
         self.maps = self._maps_in(room, chosen, colours)
         # Width of the strip with the map [pixels], in which nothing else is drawn.
@@ -193,8 +202,9 @@ class Film:
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         if isinstance(self.camera, Story):
             self.camera.names = [*self._scenes]
-            # The maps of several robots stay.
-            self.camera.widens = (not self._scenes) * width / self._size[1]
+            # The maps of several robots stay, and so does what is magnified.
+            stays = [*self._scenes, *subject_of(run, self.timeline.playback).magnified]
+            self.camera.widens = (not stays) * width / self._size[1]
 
     def _lay_out(self, chosen: FilmOptions) -> tuple[int, int]:
         """Choose the letters and the gaps round maps; the room for one of them [pixels]."""
@@ -232,9 +242,11 @@ class Film:
         width, _ = self._size
         columns = width - round(view.inset * self._strip)
         shine = [mark for each in [*self._scenes.values()][1:] for mark in each.shine(time)]
-        seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
+        frames = [mark for each in self.maps for mark in each.frame(time)]
+        seen = seen._replace(columns=columns, marks=(*seen.marks, *shine, *frames))
         picture: Pixels = self.renderer.draw(seen)
         if self._band:
+            lay_pins(picture, self.scene.pins(view), seen.lens, panel.whole(FALSE_COLOUR))
             room = columns, self._band
             text = banded(self._label(moment, view), room, self._scale)
             picture = np.vstack([picture, text])
@@ -259,7 +271,7 @@ class Film:
         )
         if any(words) and panel.has_card(self.run, moment, view):
             head, *found = words
-            colours = [*map(panel.tint_of, found)]
+            colours = [panel.PALE] * len(found)
             if self._scenes:
                 # What each robot has found is in its colour.
                 found = [f"{NAMED} {each}" for each in found]
@@ -273,7 +285,7 @@ class Film:
         rows = [row for each, renderer in maps for row in each.rows(time, renderer.plan)]
         width, _ = self._size
         room = self._strip, picture.shape[0]
-        strip = stacked([*rows, *self.maps[0].legend()], room, self._gap)
+        strip = stacked([*rows, *self.maps[0].legend(time)], room, self._gap)
         # What leaves the picture leaves it to the right.
         return np.hstack([picture, strip[:, : width - picture.shape[1]]])
 

@@ -9,7 +9,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.studio.scene.look import PLAN_BACK, scale
-from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
+from lrf3d.studio.scene.pins import Pins
+from lrf3d.studio.scene.shapes import NAMED, Label, Lens, Pixels
 
 # Height of a line in letters.
 LINE = 1.36
@@ -40,6 +41,9 @@ _LEAST_BAND = 16
 
 # Free border of the text, in the height of the band.
 _MARGIN = 0.12
+
+# Height of the letters of pins [pixels of 720 lines].
+_PINNED = 25.0
 
 # Words and their colours, 0…255.
 Words = tuple[tuple[str, tuple[int, ...]], ...]
@@ -121,3 +125,23 @@ def banded(label: Label, size: tuple[int, int], scale: float) -> Pixels:
         for words, each in zip(rows, letters.tolist(), strict=True)
     ]
     return stacked(drawn, size, gap)
+
+
+def lay_pins(picture: Pixels, pins: Pins | None, lens: Lens, colour: tuple[int, ...]) -> None:
+    """Lay what pins say over a picture, where they end; the first lie over the others."""
+    if pins is None:
+        return
+    size = picture.shape[1::-1]
+    gap = gap_of(size) // 2
+    laid = Image.fromarray(picture)
+    clips = np.stack([pins.tips, pins.ends]) @ lens.matrix[:, :3].T + lens.matrix[:, 3]
+    tips, ends = 0.5 * (1.0 + clips[..., :2] / clips[..., 3:]) * size
+    for (x, _), (left, middle), said in [*zip(tips, ends, pins.words, strict=True)][::-1]:
+        row = row_of(((said, colour),), round(_PINNED * scale_of(size)), size[0])
+        leftwards = left < x or left + gap + row.width > size[0]
+        left = min(left, x) - gap - row.width if leftwards else left + gap
+        place = np.array([left, middle - row.height / 2])
+        place = np.clip(place, 0, np.array(size) - row.size).astype(int)
+        laid.paste(PLAN_BACK, (*place, *(place + row.size)))
+        laid.paste(row, tuple(place), row)
+    picture[:] = np.asarray(laid)

@@ -5,8 +5,8 @@ best how far it drifts leave.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from lrf3d.geometry.lines import Float, Int, cross
 from lrf3d.geometry.pose import between, compose
 from lrf3d.studio.scene.look import BOLD, TRAIL_HEIGHT, rgb
 from lrf3d.studio.scene.marks import TRAIL_FADE, trail_lines
-from lrf3d.studio.scene.shapes import Lines, Mark, Points, level_lines, single
+from lrf3d.studio.scene.shapes import Mark, Points, level_lines, single
 from lrf3d.studio.scene.shown import Shown
-from lrf3d.studio.scene.timeline import DriveKeys, Moment, Timeline, interpolated
+from lrf3d.studio.scene.timeline import DriveKeys, Moment, interpolated, metres, smoothed
 
 # Colour of all that is where odometry alone puts it.
 GHOST_COLOUR = rgb("#ff4d26")
@@ -45,19 +45,35 @@ _SHOTS = ("proof", "rise", "whole", "end")
 # Opacity of these hits.
 _OPAQUE = 0.8
 
+# Largest drift that is magnified, in the extent of the path: a larger one is seen anyway.
+_SMALL = 0.04
+
+# Width of what is magnified, in that drift.
+_MAGNIFIED = 5.0
+
+# Time after the run at which the drift begins to be removed [s of the film].
+_STAYS = 0.6
+
+# Time in which it is removed [s of the film].
+_REMOVED = 1.6
+
 # Colour of the gap between the paths.
 GAP_COLOUR = (1.0, 1.0, 1.0)
 
 
-class Drift(NamedTuple):
-    """How odometry alone drifts off the estimate of a run."""
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """How odometry alone drifts off the estimate of a run, and all that its laser has met."""
 
+    run: Shown
     # The path of the estimate.
     believed: DriveKeys
     # The path by odometry alone.
     alone: DriveKeys
     # The scans with which the loop begins and closes that shows it best, if one does.
     loop: tuple[int, int] | None
+    # The share of the drift that is left, 0…1.
+    left: float = 1.0
 
     @classmethod
     def of(cls, run: Shown, origin: Float) -> "Drift | None":
@@ -71,21 +87,71 @@ class Drift(NamedTuple):
         alone = compose(poses[0], between(odometry[0], odometry))
         alone[:, 2] = np.unwrap(alone[:, 2])
         loop = _loop(poses, alone, estimate.closures)
-        return cls(DriveKeys(times, poses), DriveKeys(times, alone), loop)
+        return cls(run, DriveKeys(times, poses), DriveKeys(times, alone), loop)
 
-    def gap(self, time: float) -> Lines:
-        """The line from where odometry alone puts the robot at a time [s] to where it is."""
-        ghost, robot = (
-            interpolated(np.array([time]), keys.times, keys.poses[:, :2])
-            for keys in (self.alone, self.believed)
-        )
-        colours = np.array([GAP_COLOUR])
-        return level_lines(2.0 * TRAIL_HEIGHT, ghost, robot, colours, np.ones((1, 2)), BOLD)
+    def seen(self, moment: Moment, playback: float) -> "Drift":
+        """The drift at a moment of a film: after the run it is removed."""
+        passed = (moment.now - moment.time) / playback
+        left = 1.0 - smoothed(min(max((passed - _STAYS) / _REMOVED, 0.0), 1.0))
+        poses = self.believed.poses + left * (self.alone.poses - self.believed.poses)
+        return replace(self, alone=self.alone._replace(poses=poses), left=left)
+
+    @property
+    def magnified(self) -> float:
+        """Width of what is magnified [m]; 0 if no loop is shown, or the drift is seen anyway."""
+        off = np.hypot(*(self.alone.poses - self.believed.poses)[:, :2].T).max()
+        extent = np.ptp(self.believed.poses[:, :2], axis=0).max()
+        return float(_MAGNIFIED * off * (self.loop is not None and off < _SMALL * extent))
+
+    def ends(self, time: float) -> Float:
+        """Poses (2, 3) at a time of the run [s]: by odometry alone, and of the estimate."""
+        passed = np.array([time - self.run.trajectory.times.min()])
+        paths = self.alone, self.believed
+        return np.vstack([interpolated(passed, keys.times, keys.poses) for keys in paths])
 
     def off(self, time: float) -> float:
-        """How far odometry alone is off the estimate at a time [s], [m]."""
-        gap = self.gap(time)
-        return float(np.linalg.norm(gap.ends - gap.starts))
+        """How far odometry alone is off the estimate at a time of the run [s], [m]."""
+        ghost, robot = self.ends(time)[:, :2]
+        return float(np.hypot(*(ghost - robot)))
+
+    def words(self, moment: Moment, playback: float) -> str:
+        """What is said of that at a moment of a film; nothing when the drift is removed."""
+        seen = self.seen(moment, playback)
+        return f"gap {metres(seen.off(moment.time))}" * bool(seen.left)
+
+    def marks(self, moment: Moment, shot: str, playback: float) -> Iterator[tuple[str, Mark]]:
+        """Name and mark at a moment of a shot."""
+        seen = self.seen(moment, playback)
+        passed = moment.time - self.run.trajectory.times.min()
+        yield "drift", trail_lines(seen.alone, passed, TRAIL_FADE * playback, GHOST_COLOUR)
+        if seen.loop is not None and shot in _SHOTS:
+            yield "astray", self.points(moment.mapped, seen.left)
+        ghost, robot = seen.ends(moment.time)[:, None, :2]
+        white = np.array([GAP_COLOUR])
+        yield "gap", level_lines(2.0 * TRAIL_HEIGHT, ghost, robot, white, np.ones((1, 2)), BOLD)
+
+    @cached_property
+    def _met(self) -> tuple[Int, Float, Float]:
+        """The scans (n,) of some hits, where odometry alone puts these, and where they are [m]."""
+        poses = self.run.trajectory.poses
+        scans = [self.run.scans_at(number)[0] for number in range(len(poses))]
+        every = 1 + sum(int(scan.hits.sum()) for scan in scans) // _HITS
+        hits = [scan.points()[number % every :: every] for number, scan in enumerate(scans)]
+        whose = np.repeat(np.arange(len(scans)), [len(each) for each in hits])
+        met = between(poses[whose], np.insert(np.concatenate(hits), 2, 0.0, axis=1))
+        astray, there = (
+            compose(keys.poses[whose], met)[:, :2] for keys in (self.alone, self.believed)
+        )
+        return whose, astray, there
+
+    def points(self, scan: int, left: float = 1.0) -> Points:
+        """What has been met up to a scan, with a share of the drift that is left."""
+        whose, astray, there = self._met
+        level = (there + left * (astray - there))[whose <= scan]
+        colours = np.tile([*GHOST_COLOUR, _OPAQUE * left], (len(level), 1))
+        spots = np.insert(level, 2, self.run.lasers[0].height, axis=1)
+        sides = single(0.0 * level)
+        return Points(single(spots), single(colours), sides, *_HIT_SIZE, glows=False)
 
 
 def _loop(poses: Float, alone: Float, closures: Int) -> tuple[int, int] | None:
@@ -106,42 +172,3 @@ def _loop(poses: Float, alone: Float, closures: Int) -> tuple[int, int] | None:
         return None
     best = int(np.argmax(areas >= _LARGE * areas.max()))
     return int(first[best]), int(last[best])
-
-
-class Astray:
-    """What a run's laser has met, where odometry alone puts it."""
-
-    def __init__(self, run: Shown, drift: Drift) -> None:
-        self._run = run
-        self._drift = drift
-
-    @cached_property
-    def _met(self) -> tuple[Int, Float]:
-        """The scans (n,) of some hits, and where odometry alone puts these (n, 2) [m]."""
-        poses = self._run.trajectory.poses
-        scans = [self._run.scans_at(number)[0] for number in range(len(poses))]
-        every = 1 + sum(int(scan.hits.sum()) for scan in scans) // _HITS
-        hits = [scan.points()[number % every :: every] for number, scan in enumerate(scans)]
-        whose = np.repeat(np.arange(len(scans)), [len(each) for each in hits])
-        met = between(poses[whose], np.insert(np.concatenate(hits), 2, 0.0, axis=1))
-        return whose, compose(self._drift.alone.poses[whose], met)[:, :2]
-
-    def marks(
-        self, moment: Moment, shot: str, timeline: Timeline
-    ) -> Iterator[tuple[str, str, Mark]]:
-        """Layer, name and mark at a moment of a shot."""
-        now = moment.time - timeline.start
-        fade = TRAIL_FADE * timeline.playback
-        yield "estimate", "drift", trail_lines(self._drift.alone, now, fade, GHOST_COLOUR)
-        if self._drift.loop is not None and shot in _SHOTS:
-            yield "estimate", "astray", self.points(moment.mapped)
-        yield "estimate", "gap", self._drift.gap(now)
-
-    def points(self, scan: int) -> Points:
-        """What has been met up to a scan."""
-        whose, places = self._met
-        level = places[whose <= scan]
-        colours = np.tile([*GHOST_COLOUR, _OPAQUE], (len(level), 1))
-        spots = np.insert(level, 2, self._run.lasers[0].height, axis=1)
-        sides = single(0.0 * level)
-        return Points(single(spots), single(colours), sides, *_HIT_SIZE, glows=False)

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from lrf3d.base.latest import Latest
+from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, cross, directions
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
@@ -23,6 +24,18 @@ _SCORED = 128
 
 # Share of its scans up to which those that hit a wall are few.
 _FEW = 0.1
+
+# Largest distance between the two sides of a thin wall [m].
+_THIN = 0.3
+
+# Distance from which on two sides are not in one line [m].
+_APART = 0.01
+
+# Sine of the angle up to which they are parallel.
+_PARALLEL = 0.1
+
+# The walls that the last maps of the runs asked for last miss.
+_LOST = Latest(8)
 
 # The walls that the runs asked for last could see: those of a usual fleet.
 _WALLS = Latest(8)
@@ -66,22 +79,56 @@ def lost_after(run: Run, scan: int) -> Float:
     return visible_to(run)[0][~found_after(run, scan)] if ended else np.zeros((0, 4))
 
 
-def lost_words(run: Run) -> str:
-    """How many walls its last map misses, and why: they are of glass, or few scans hit them."""
-    _, walls = visible_to(run)
-    lost = walls[~found_after(run, len(run) - 1)]
+def lost_walls(run: Run) -> tuple[Float, str, list[str]]:
+    """The walls that its last map misses, why in a sentence, and of each in few words.
+
+    Their visible parts (n, 4) have the side that is missed on the left. Nothing is said of each
+    where the reason is not known, or the same for all.
+    """
+    return _LOST.of(run, partial(_lost, run))
+
+
+def _lost(run: Run) -> tuple[Float, str, list[str]]:
+    parts, walls = visible_to(run)
+    found = found_after(run, len(run) - 1)
+    lost = parts[~found]
+    walls = walls[~found]
     if not len(lost):
-        return ""
+        return lost, "", []
+    seen = [np.concatenate([o.walls[o.hits] for o in run.scans_at(k)]) for k in range(len(run))]
+    most = 1 + walls.max()
+    beams = np.array([np.bincount(each[each >= 0], minlength=most)[walls] for each in seen])
+    # The robot was on the side that is missed.
+    robots = run.trajectory.poses[:, None, :2]
+    sides = np.sign(cross(directions(lost), robots - lost[:, :2]))
+    right = (beams * sides).sum(axis=0) < 0.0
+    lost[right] = lost[right][:, [2, 3, 0, 1]]
+    hits = (beams > 0).sum(axis=0)
+    said = [f"hit in {counted(count, 'scan')}" for count in hits.tolist()]
     words = f"{len(lost)} missed"
-    clear = np.isin(lost, walls_of(run.world, lambda material: material.passes))
+    clear = np.isin(walls, walls_of(run.world, lambda material: material.passes))
     if clear.any():
-        return f"{words}, {clear.sum()} of glass"
-    scans = [np.concatenate([o.walls[o.hits] for o in run.scans_at(k)]) for k in range(len(run))]
-    hit = np.array([np.isin(lost, walls) for walls in scans]).sum(axis=0)
-    if hit.max() > _FEW * len(run):
-        return words
-    least = f"{hit.min():,} to " * bool(hit.min() < hit.max())
-    return f"{words}, few hits: in {least}{hit.max():,} of {len(run):,} scans"
+        words += f", {clear.sum()} of glass"
+        said = np.where(clear, "glass", "").tolist()
+    elif hits.max() <= _FEW * len(run):
+        least = f"{hits.min():,} to " * bool(hits.min() < hits.max())
+        words += f", few hits: in {least}{hits.max():,} of {len(run):,} scans"
+    else:
+        words += ": the map has only the other side" * _have_other_sides(lost, parts[found])
+        said = [""] * len(lost)
+    return lost, words, said
+
+
+def _have_other_sides(lost: Float, found: Float) -> bool:
+    """Whether each lost part of a wall (n, 4) has a found one on the other side of a thin wall."""
+    middles = 0.5 * (lost[:, :2] + lost[:, 2:])
+    tree = shapely.STRtree(shapely.linestrings(found.reshape(-1, 2, 2)))
+    number, other = tree.query(shapely.points(middles), predicate="dwithin", distance=_THIN)
+    along = directions(lost)[number]
+    turned = np.abs(cross(along, directions(found)[other]))
+    apart = np.abs(cross(along, found[other, :2] - middles[number]))
+    behind = number[(turned < _PARALLEL) & (apart > _APART)]
+    return len(np.unique(behind)) == len(lost)
 
 
 def distances(run: Any, scan: int | None = None) -> str:

@@ -12,14 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import Float, lengths
+from lrf3d.geometry.lines import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.cameras import places_of
 from lrf3d.studio.scene.clouds import draw_clouds
-from lrf3d.studio.scene.drift import Astray, Drift
-from lrf3d.studio.scene.found import lost_after
+from lrf3d.studio.scene.drift import GHOST_COLOUR, Drift
 from lrf3d.studio.scene.glass import Panes, bounced, some_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
 from lrf3d.studio.scene.marks import (
@@ -28,9 +27,9 @@ from lrf3d.studio.scene.marks import (
     DrawnMap,
     draw_beams,
     pins,
-    ribbons,
     trail_lines,
 )
+from lrf3d.studio.scene.pins import Pins
 from lrf3d.studio.scene.shapes import (
     ON_TOP,
     Inset,
@@ -90,9 +89,6 @@ _LASER_TINTS = np.array(
 # How much wider walls are that have the colour of their robot: of those, some are lost.
 _CLEARER = 1.5
 
-# Number of pins at most, at the longest of these walls: more would hide the map.
-_PINS = 8
-
 # Diameter of a point of the inset [m], at least and at most [pixels of 720 lines].
 _SPOT = 0.1, (6.0, 12.0)
 
@@ -150,13 +146,12 @@ class Scene:
         self._mirrors = structures.segments[structures.mirrors]
         self._outlines = outlines_of(structures)
         self._estimate = DrawnEstimate.from_timeline(timeline)
-        drift = Drift.of(run, self.origin)
-        self._astray = None if drift is None else Astray(run, drift)
+        self.drift = Drift.of(run, self.origin)
         # Among robots, a colour is a robot, not when a wall was found.
         own = look.TRAIL_COLOUR if self._robots else None
         self.team: Mapping[Any, look.Colour | None] = team or {run: own}
-        # The runs of which it is shown what their maps miss.
-        self.judged: list[Any] = [run]
+        # The runs of which it is shown what their maps miss, by their names; else it is this one.
+        self.judged: Mapping[str, Any] = {}
         self._panes = Latest(2)
         self._maps = Latest()
         self._beams = Latest()
@@ -225,6 +220,8 @@ class Scene:
         if telling and view.shot == PROOF:
             beams = None
         drawn = self._snapshot(moment)
+        playback = self.timeline.playback
+        drifted = self.drift.marks(moment, view.shot, playback) if self.drift else ()
         along = [("map", "ghosts", drawn.ghosts), ("map", "bands", drawn.bands)]
         return [
             *self._edges(moment, view),
@@ -232,13 +229,13 @@ class Scene:
             ("shadow", "shadows", self.obstacles.shadows(moment.time)),
             ("trail", "past", self.obstacles.past(moment.time, self.timeline.playback)),
             ("goal", "goal", self._goal),
-            *(self._astray.marks(moment, view.shot, self.timeline) if self._astray else ()),
+            *(("estimate", name, mark) for name, mark in drifted),
             *self._trails_at(moment.time),
             ("lamp", "lamp", lamp),
             ("beams", "beams", beams),
             *telling,
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
-            *self._pinned(moment, view),
+            *self._pinned(view),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
             *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
@@ -387,22 +384,19 @@ class Scene:
             turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
             yield "beams", "turned beam", turned
 
-    def _pinned(self, moment: Moment, view: Look) -> Iterator[tuple[str, str, Mark]]:
+    def pins(self, view: Look) -> Pins | None:
+        """Pins at the walls that maps miss in the end; robots share their walls."""
+        if view.shot != "end" or self._robots:
+            return None
+        return Pins.of(self.judged or {"": self.run}, view, self._frame - [0.0, 0.0, self._height])
+
+    def _pinned(self, view: Look) -> Iterator[tuple[str, str, Mark]]:
         """In the end, pins at what the story was about, and at the walls that the map misses."""
-        if view.shot != "end":
-            return
-        subject = subject_of(self.run, self.timeline.playback)
-        pinned = subject.pinned - self.origin
-        yield "map", "pinned", pins(pinned, self._height, look.PINS, view)
-        # Robots share their walls.
-        if self._robots:
-            return
-        missed = [lost_after(run, moment.mapped) for run in self.judged]
-        lost = np.unique(np.concatenate(missed), axis=0) - np.tile(self.origin, 2)
-        lost = lost[np.argsort(-lengths(lost), kind="stable")]
-        yield "map", "lost", ribbons(lost, self._height, look.FALSE_COLOUR, view)
-        middles = lost[:_PINS].reshape(-1, 2, 2).mean(axis=1)
-        yield "map", "lost pins", pins(middles, self._height, look.FALSE_COLOUR, view)
+        if view.shot == "end":
+            pinned = subject_of(self.run, self.timeline.playback).pinned - self.origin
+            yield "map", "pinned", pins(pinned, self._height, look.PINS, view)
+        if missed := self.pins(view):
+            yield "map", "lost", missed.mark
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""
@@ -421,6 +415,8 @@ class Scene:
         view: InsetView,
         colours: Sequence[look.Colour] = (),
         lost: Float = look.NOTHING,
+        *,
+        close: bool = False,
     ) -> Inset:
         """The map so far from straight above, on what was seen: what is not known is dark.
 
@@ -430,20 +426,24 @@ class Scene:
         pose = moment.pose - self._frame
         _, hits, _ = self._beams_at(moment)
         dart = _DART_SHARE * view.width * max(1.0, view.aspect) ** 0.5
-        trails = {name: line for _, name, line in self._trails_at(moment.time)}
+        trails: dict[str, Mark] = {name: line for _, name, line in self._trails_at(moment.time)}
         others = self.obstacles.from_above(moment.time, dart)
         walls = self._snapshot(moment).inset
         if colours:
-            tint, own = colours
             now = moment.time - self.timeline.start
-            trails = {"trail": trail_lines(self.keys, now, np.inf, own)}
+            trails = {"trail": trail_lines(self.keys, now, np.inf, colours[1])}
             others = []
             walls = walls._replace(width=_CLEARER * walls.width)
-            if self.team[self.run] is None:
-                walls = walls._replace(colours=single(np.tile(tint, (len(walls.starts), 1))))
+        tint = colours[1] if colours else look.ROBOT
+        if self.drift and close:
+            playback = self.timeline.playback
+            ghost, _ = self.drift.seen(moment, playback).ends(moment.time)
+            others = [bodies.flat_dart(ghost, dart, 0.0, GHOST_COLOUR)]
+            trails = {**dict(self.drift.marks(moment, "", playback)), **trails}
+            tint = look.ESTIMATE_COLOUR
         red = np.tile(look.FALSE_COLOUR, (len(lost), 1))
         start, end = np.hsplit(lost - np.tile(self.origin, 2), 2)
-        robot = bodies.flat_dart(pose, dart, 0.0, colours[1] if colours else look.ROBOT)
+        robot = bodies.flat_dart(pose, dart, 0.0, tint)
         marks: list[tuple[str, Mark | None]] = [
             ("points", hits and hits._replace(glows=False)),
             ("map", walls),

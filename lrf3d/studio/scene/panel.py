@@ -18,13 +18,13 @@ from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
 from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, Drift
-from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_words
+from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_walls
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import NAMED, PINNED, Label
 from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
 from lrf3d.studio.scene.subject import TITLE_TIME, beams_told, subject_of
-from lrf3d.studio.scene.timeline import Moment, lasting, metres
+from lrf3d.studio.scene.timeline import Moment, lasting
 
 # Kinds of panels: all numbers, or three facts.
 PANELS = ("full", "short")
@@ -70,10 +70,6 @@ def _mapped(run: Run, scan: int) -> str:
     return f"{found.sum()} of {counted(len(found), 'wall')} found{false}"
 
 
-def _drift_of(run: Run) -> Drift | None:
-    return _DRIFTS.of(run, partial(Drift.of, run, np.zeros(2)))
-
-
 def has_card(run: Run, moment: Moment, view: Look) -> bool:
     """Whether the panel of a moment through a look is the card."""
     # A last stop is shown for a while.
@@ -94,7 +90,10 @@ def panel(
     Robots have names where each has a map, the run's own first.
     """
     if has_card(run, moment, view):
-        return _CARDS.of(run, partial(_card, run, playback))
+        card: Label = _CARDS.of(run, partial(_card, run, playback))
+        drifted = [(words, whole(tint)) for words, tint in _drifted(run, moment, playback)]
+        lines = [*zip(card.text, card.colours, strict=True), *drifted]
+        return _label(lines)
     head, *said = view.said or [""]
     head = head or _caption(run, moment, view.shot, playback)
     if full:
@@ -148,23 +147,20 @@ def _card(run: Run, playback: float) -> Label:
         found = found_words(score_run(judged_part(run)).as_dict())
         found += false_words(false_after(run, len(run) - 1))
         rest = "what it never saw stays dark"
-    lost = lost_words(run)
+    _, lost, _ = lost_walls(run)
     missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
     pins = f"{PINNED} " * bool(len(subject.pinned))
     told = [(pins + subject.found, INK)] * bool(subject.found)
     colour = PALE if told else INK
-    drifted = [(words, whole(tint)) for words, tint in _drifted(run, np.inf)]
-    return _label([*told, (found, colour), *missed, *drifted, (rest * (not told), PALE)])
+    return _label([*told, (found, colour), *missed, (rest * (not told), PALE)])
 
 
-def _drifted(run: Run, time: float) -> list[tuple[str, look.Colour]]:
-    """The names of the path by odometry alone, and of how far it is off at a time [s]."""
-    drift = _drift_of(run)
-    if drift is None:
-        return []
-    gap = metres(drift.off(time - run.trajectory.times.min()))
-    return [("━ odometry alone", GHOST_COLOUR), (f"━ gap {gap}", GAP_COLOUR)]
+def _drifted(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
+    """The names of the path by odometry alone, and of how far it is off at a moment."""
+    drift = _DRIFTS.of(run, partial(Drift.of, run, np.zeros(2)))
+    gap = drift.words(moment, playback) if drift else ""
+    return [("━ odometry alone", GHOST_COLOUR), (f"━ {gap}", GAP_COLOUR)] if gap else []
 
 
 def _trails(
@@ -179,7 +175,7 @@ def _trails(
         colours = [look.TRAIL_COLOUR, *(colour for _, colour in others)]
         names = robot_names(run.obstacles, robots)
         found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
-    found += _drifted(run, moment.time)
+    found += _drifted(run, moment, playback)
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
     red, green, blue = HEIGHT_COLOURS[1].tolist()
     found += [("━ points of a lidar", (red, green, blue))] * bool(run.cloud_sensors.lidars)
@@ -200,11 +196,6 @@ def whole(colour: look.Colour) -> tuple[int, int, int]:
     """A colour for text in whole numbers, paler on its dark ground."""
     red, green, blue = (round(255 * part) for part in look.paler(colour))
     return red, green, blue
-
-
-def tint_of(words: str) -> tuple[int, int, int]:
-    """The colour of a line of the card: red where pins point at what it says."""
-    return whole(look.FALSE_COLOUR) if words.startswith(PINNED) else PALE
 
 
 def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float = SIZE) -> Label:

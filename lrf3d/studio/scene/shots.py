@@ -43,8 +43,9 @@ CLOSING = 3.2
 # Part of that in which the rest of the run completes the map [s of the film].
 FILLING = 0.8
 
-# How much longer that is with what odometry puts astray [s of the film].
-_ASTRAY = 1.0
+# Where a drift is removed, the opening is shorter by this time, and the end longer by twice as much
+# [s of the film].
+_ASTRAY = 1.2
 
 # Approximate length of each other shot [s of the film].
 _SHOT = 2.0
@@ -111,7 +112,7 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     fixed = FIRST - OPENING + RISE + CLOSING + astray
     # In a shorter film, the same shots are shorter.
     scale = min(1.0, (length + OPENING) / (fixed + OPENING + _SHOT))
-    first = min(scale * FIRST, _FIRST_SHARE * lasts)
+    first = min(scale * (FIRST - astray), _FIRST_SHARE * lasts)
     # What the opening shows is proven by it; rounding neither loses the moment nor shows it twice.
     moment = subject.moment
     proven = -np.inf if moment is None else moment - _ROUNDING
@@ -160,7 +161,8 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     begun = timeline.start + playback * min(OPENING, 0.5 * first)
     last = float(ends[-1])
     risen = last + (timeline.end - last) * rise / (rise + filling)
-    turned = closing - filling + astray
+    # What the opening leaves goes to the end, too.
+    turned = closing - filling + 2.0 * astray
     return (
         Shot("opening", (opened - begun) / playback, begun, opened),
         *map(Shot, names, takes.tolist(), starts.tolist(), ends.tolist()),

@@ -11,12 +11,14 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from lrf3d.geometry.lines import Float, cross, directions
 from lrf3d.studio.scene.bodies import robot_names
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
-from lrf3d.studio.scene.cameras import chase, fitted, overview
-from lrf3d.studio.scene.look import SECTION, TINY, Rig
+from lrf3d.studio.scene.cameras import chase, corners_of, fitted, overview
+from lrf3d.studio.scene.drift import Drift
+from lrf3d.studio.scene.look import NOTHING, SECTION, TINY, Rig
 from lrf3d.studio.scene.shots import CLOSING, FIRST_SHOT, LENGTH, SHOTS, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import AROUND, Structures
@@ -178,6 +180,13 @@ class Story:
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
         self._whole = overview(timeline, structures, middle, _END_DRIFT)
+        # What is in the picture of the whole until a drift is removed (n, 3), if it is seen.
+        self._ghost = NOTHING[:, :3]
+        drift = Drift.of(timeline.run, timeline.origin)
+        if drift is not None and self._subject.since is not None:
+            around = shapely.convex_hull(shapely.multipoints(drift.alone.poses[:, :2]))
+            ghost = np.insert(shapely.get_coordinates(around), 2, 0.0, axis=1)
+            self._ghost = np.vstack([corners_of(timeline, structures), ghost])
         usual = "straight" if structures.indoor else "roofs"
         self._staging = STAGINGS[self._subject.staging or usual]
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
@@ -248,12 +257,16 @@ class Story:
         turned = self._begins[number] - self._begins[-3] + np.linspace(0.0, shot.length, count)
         turned = self._timeline.end + self._timeline.playback * turned
         wide = self.widens or aspect
-        whole = self._whole.track(wide).at(turned)._replace(times=times)
+        known = self._whole.track(wide).at(turned)._replace(times=times)
+        whole = known
+        if len(self._ghost):
+            how = whole.steeps[0], whole.fields[0], wide
+            whole = fitted(self._ghost, times, whole.turns, *how)
         if shot.name == "whole":
             return _Take(whole)
         if shot.name == "end":
             share = _eased(np.linspace(0.0, 1.0, count))
-            return _Take(self._between(whole, self._closing(whole), share))
+            return _Take(self._between(whole, self._closing(known), share))
         if shot.name == "rise":
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))

@@ -75,6 +75,8 @@ class Subject(NamedTuple):
     told: bool = False
     # The direction of what is seen from its side [rad], with the robot on its right.
     along: float | None = None
+    # From when on the map beside the picture magnifies it [s], and the width of what it shows [m].
+    magnified: tuple[float, ...] = ()
     # What is said after the title.
     then: str = "What its laser has seen is lit"
     # How it opens and ends: a key of the stagings of stories; those of the world if not given.
@@ -139,6 +141,8 @@ def _loop(run: Shown) -> Subject | None:
         since=begins,
         until=closes,
         after=f"Back after {metres(length)}: red shows the drift",
+        found=f"{metres(drift.off(run.trajectory.times[-1]))} of drift removed",
+        magnified=(begins, drift.magnified) * bool(drift.magnified),
         staging="record",
     )
 

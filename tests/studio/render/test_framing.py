@@ -10,9 +10,11 @@ from test_render import city_run, needs_gl, room_run
 import lrf3d
 from lrf3d.studio.render.beside import Comparison
 from lrf3d.studio.render.film import Film, frame
+from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.found import hits_on, lost_after, missed_by
 from lrf3d.studio.scene.look import PLAN_BACK
 from lrf3d.studio.scene.moments import LAYERS, Scene
+from lrf3d.studio.scene.pins import Pins
 from lrf3d.studio.scene.shots import SHOTS
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.timeline import Timeline
@@ -108,8 +110,19 @@ def test_the_wall_that_most_maps_miss_is_named_with_how_far_its_hits_scatter():
         compared = Comparison(scenes, size, "")
         assert compared._cell[0] == wide
         assert len({tuple(each.letters) for each in compared.maps}) == 1
-    worst = "▼ 2: 10 of 12 walls found; missed: 92 cm, 1.4 m"
-    assert compared.card()[::3] == ("Short walls are lost in noise first", worst)
+    assert compared.card()[::3] == (
+        "Short walls are lost in noise first",
+        "2: 10 of 12 walls found",
+    )
+    view = Look(np.zeros(3), np.ones(3), 1.0, shot="end")
+    pins = Pins.of(compared.named, view, np.zeros(3))
+    assert pins.words == ["1.4 m missed: 2", "92 cm missed: 1, 2"]
+    # The robot has seen the wall from where its pin ends.
+    away, beside = (
+        np.hypot(*(places[0, :2] - runs[0].trajectory.poses[1, :2]))
+        for places in (pins.tips, pins.ends)
+    )
+    assert beside < away
     # What all maps miss is not lost by more noise.
     alike = dict.fromkeys(("one", "two"), scenes["2"])
     assert Comparison(alike, (640, 200), "alike").card()[0] == "alike"

@@ -180,5 +180,5 @@ def test_a_run_without_maps_shows_what_was_seen_and_names_no_walls(monkeypatch):
     ):
         film = Film(run, **options)
         film.draw(1.0)
-        assert name in said and len(film.maps[0].legend()) == rows
+        assert name in said and len(film.maps[0].legend(0.0)) == rows
         said.clear()

@@ -8,8 +8,9 @@ from test_render import room_run
 
 import lrf3d
 from lrf3d.geometry.pose import compose
+from lrf3d.studio.render.beside import MapBeside
 from lrf3d.studio.scene.camera import Look
-from lrf3d.studio.scene.drift import Astray, Drift
+from lrf3d.studio.scene.drift import Drift
 from lrf3d.studio.scene.glass import (
     Panes,
     at_glass,
@@ -18,6 +19,7 @@ from lrf3d.studio.scene.glass import (
     some_beams,
     telling_beams,
 )
+from lrf3d.studio.scene.moments import Scene
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import subject_of
@@ -50,16 +52,33 @@ def test_odometry_alone_drifts_round_a_loop_and_what_was_hit_with_it_and_one_lin
     assert (subject.since, subject.moment) == (0.0, 8.0)
     assert subject.after == "Back after 7.8 m: red shows the drift"
     assert said(run, "proof", time=8.0)[-2:] == ("━ odometry alone", "━ gap 80 cm")
-    assert said(run, "end")[1:3] == ("━ odometry alone", "━ gap 1.0 m")
+    head, *_, gap = said(run, "end", time=10.0)
+    assert (head, gap) == ("1.0 m of drift removed", "━ gap 1.0 m")
     hits = [scan.points() for scan in run.scans]
     moved = np.repeat(0.1 * np.arange(len(run)), [len(each) for each in hits])
-    places = Astray(run, drift).points(len(run)).places
+    places = drift.points(len(run)).places
     back = places[:, :2] - moved[:, None] * [0.0, 1.0]
     assert back == pytest.approx(np.concatenate(hits), abs=1e-4)
+    at_end, later = (Timeline(run).moment(time) for time in (10.0, 15.0))
+    assert (drift.words(at_end, 1.0), drift.words(later, 1.0)) == ("gap 1.0 m", "")
     # Neither there and back is a loop, nor a bend, nor one that odometry alone closes, too.
     assert Drift.of(drifting([(0, 2), (0, 4)]), np.zeros(2)).loop is None
     calm = replace(run, estimate=replace(run.estimate, odometry=run.estimate.poses))
     assert subject_of(calm, 1.0).moment is None
+
+
+def test_a_small_drift_is_magnified_where_the_robot_is_when_its_loop_begins():
+    run = drifting([(8, 0)])
+    drift = Drift.of(run, np.zeros(2))
+    near = drift.alone._replace(poses=drift.believed.poses + np.array([0.0, 0.05, 0.0]))
+    assert (drift.magnified, replace(drift, alone=near).magnified) == (0.0, pytest.approx(0.25))
+    beside = MapBeside(Scene(Timeline(run)), (90, 90), 10.0)
+    beside.magnified = 2.0, 0.5
+    assert beside._window(2.0) is beside.window and not beside.frame(2.0)
+    ((_, outline),) = beside.frame(9.0)
+    robot = run.trajectory.poses[9, :2] - beside._scene.origin
+    assert np.ptp(outline.starts[:, 0]) == pytest.approx(beside._window(9.0).width) == 0.5
+    assert np.abs(outline.starts[:, :2] - robot).max() < 1.0
 
 
 def test_beams_go_through_glass_or_come_back_from_it_and_panes_are_seen_at_a_slant():
