@@ -126,7 +126,8 @@ def _in_python(
     met, *numbers = function(columns[:, start : start + LANES], given, limit)
     # Rows or places that are missing do not fit, which raises.
     filled = room[: len(numbers) * LANES]
-    filled[:] = adds * filled + np.concatenate(numbers)
+    # Adding −0 to a number keeps its bits.
+    filled[:] = np.concatenate(numbers) + (filled if adds else -0.0)
     return np.uint64(np.packbits(met, bitorder="little")[0])
 
 
