@@ -99,7 +99,7 @@ def _matched(
             nx = at.cos * point.nx - at.sin * point.ny
             ny = at.sin * point.nx + at.cos * point.ny
             post = nx == 0.0 and ny == 0.0
-            there = Point(at.x + u, at.y + v, nx, ny, 1.0 if post else 0.0, reach)
+            there = Point(at.x + u, at.y + v, nx, ny, 1.0 * post, reach)
             near, x, y, distance = _near(grid, there, sums)
             if near == 0.0:
                 continue

@@ -156,9 +156,8 @@ def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: fl
             before = abs(angles[first] - angles[left]) > missed or ranges[left] > ranges[first]
             behind = abs(angles[k + 1] - angles[k]) > missed or ranges[k + 1] > ranges[k]
             if before and behind:
-                for i in range(first, k + 1):
-                    posts[found].x += points[i].x / number
-                    posts[found].y += points[i].y / number
+                posts[found].x = points["x"][first : k + 1].mean()
+                posts[found].y = points["y"][first : k + 1].mean()
                 found += 1
         left = k
     return posts[:found]
