@@ -192,9 +192,9 @@ def test_formulas_have_the_same_bits_in_vectors_and_in_python(direction):
         beam = beams.Beam(*map(np.float64, plain))
         with np.errstate(divide="ignore"):
             way = tree.Way(*plain[:2], 0.0, 0.0, *(1.0 / (np.array(direction) + 0.0)))
-        bits = _in_python(beams._bounds, columns, 1, beam, 3.0, expected[0])
+        bits = _in_python(beams._bounds, False, columns, 1, beam, 3.0, expected[0])
         assert met[0] == bits
-        assert met[1] == _in_python(tree._reaches, columns, 1, way, 3.0, expected[1])
+        assert met[1] == _in_python(tree._reaches, False, columns, 1, way, 3.0, expected[1])
         np.testing.assert_array_equal(found[0], expected[0])
         np.testing.assert_array_equal(found[1][:LANES], expected[1][:LANES])
 

@@ -100,14 +100,17 @@ def _chosen(condition: Any, yes: Any, no: Any) -> Any:
     return lambda condition, yes, no: yes if condition else no
 
 
-def by_lanes(function: Callable[..., Any]) -> ByLanes:
-    """Decorate a formula that kernels call for LANES rows: see `ByLanes`."""
+def by_lanes(function: Callable[..., Any], *, width: int = 4, adds: bool = False) -> ByLanes:
+    """Decorate a formula that kernels call for LANES rows of columns (width, n): see `ByLanes`.
+
+    Its numbers may be added to the buffer instead.
+    """
     if numba.config.DISABLE_JIT:
-        return partial(_in_python, function)
+        return partial(_in_python, function, adds)
 
     def in_kernels(typing: Any, columns: Any, first: Any, given: Any, limit: Any, room: Any) -> Any:
         kinds = columns, types.uintp, given, types.float64, room
-        return types.uint64(*kinds), partial(_build, function)
+        return types.uint64(*kinds), partial(_build, function, width, adds)
 
     made: ByLanes = intrinsic(in_kernels)
     return made
@@ -115,33 +118,44 @@ def by_lanes(function: Callable[..., Any]) -> ByLanes:
 
 @np.errstate(all="ignore")
 def _in_python(
-    function: Callable[..., Any], columns: Any, first: SupportsIndex, given: Any, limit: float,
-    room: Any,
+    function: Callable[..., Any], adds: bool, columns: Any, first: SupportsIndex, given: Any,
+    limit: float, room: Any,
 ) -> Any:  # fmt: skip
     """A formula of LANES rows without numba."""
     start = int(first)
     met, *numbers = function(columns[:, start : start + LANES], given, limit)
     # Rows or places that are missing do not fit, which raises.
-    room[: len(numbers) * LANES] = np.concatenate(numbers)
+    filled = room[: len(numbers) * LANES]
+    # Adding −0 to a number keeps its bits.
+    filled[:] = np.concatenate(numbers) + (filled if adds else -0.0)
     return np.uint64(np.packbits(met, bitorder="little")[0])
 
 
 def _build(
-    function: Callable[..., Any], context: Any, builder: Any, signature: Any, arguments: Any
+    function: Callable[..., Any],
+    width: int,
+    adds: bool,
+    context: Any,
+    builder: Any,
+    signature: Any,
+    arguments: Any,
 ) -> Any:
     """Append the instructions of a formula of LANES rows."""
     columns, first, given, limit, room = arguments
     # What the rows have in common fills all lanes.
     parts = [_spread(builder, part) for part in cgutils.unpack_tuple(builder, given)]
     rows = []
-    for column in range(4):
+    for column in range(width):
         place = _place(context, builder, signature.args[0], columns, [column, first])
         rows.append(Lanes(builder, builder.load(place, align=ALIGNMENT)))
     common = signature.args[2].instance_class(*parts)
     met, *numbers = function(rows, common, _spread(builder, limit))
     for k, each in enumerate(numbers):
         place = _place(context, builder, signature.args[4], room, [k * LANES])
-        builder.store(each.value, place, align=ALIGNMENT)
+        value = (
+            builder.fadd(builder.load(place, align=ALIGNMENT), each.value) if adds else each.value
+        )
+        builder.store(value, place, align=ALIGNMENT)
     bits = builder.bitcast(met.value, ir.IntType(LANES))
     return builder.zext(bits, context.get_value_type(signature.return_type))
 

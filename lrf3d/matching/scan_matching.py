@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.compiling import LANES, borrower, by_lanes, choose, compiled
 from lrf3d.geometry.lines import Float, Records
 from lrf3d.matching.surface import ALONG, CELL, SurfaceGrid, placement
 
@@ -77,9 +77,10 @@ def _matched(
     pose = guess.copy()
     scan_part = np.zeros((3, 3))
     gradient = np.zeros(3)
+    sums = np.empty(4 * LANES)
     explained = deviation = 0.0
     # Weight of a post, relative to a point of a wall: from elsewhere other sides of it are seen.
-    post = 0.25
+    post_weight = 0.25
     # Coarse iterations, which only lead near to the result, and points that they use.
     coarse = 4
     coarse_points = 120
@@ -97,16 +98,18 @@ def _matched(
             v = at.sin * point.x + at.cos * point.y
             nx = at.cos * point.nx - at.sin * point.ny
             ny = at.sin * point.nx + at.cos * point.ny
-            near, x, y, distance = _near(grid, at.x + u, at.y + v, nx, ny, reach)
+            post = nx == 0.0 and ny == 0.0
+            there = Point(at.x + u, at.y + v, nx, ny, 1.0 * post, reach)
+            near, x, y, distance = _near(grid, there, sums)
             if near == 0.0:
                 continue
             bounded = 1.0 + (distance / scale) ** 2
             weight = near / (bounded * bounded)
             strength = stride * weight / (sigma * sigma)
-            if nx == 0.0 and ny == 0.0:
+            if post:
                 # A post counts as two walls at a right angle.
-                _add(scan_part, gradient, post * strength, (1.0, 0.0, -v), x)
-                _add(scan_part, gradient, post * strength, (0.0, 1.0, u), y)
+                _add(scan_part, gradient, post_weight * strength, (1.0, 0.0, -v), x)
+                _add(scan_part, gradient, post_weight * strength, (0.0, 1.0, u), y)
             else:
                 _add(scan_part, gradient, strength, (x, y, y * u - x * v), distance)
             explained += weight
@@ -123,7 +126,7 @@ def _matched(
     return pose, scan_part, explained, deviation
 
 
-@inner
+@borrower
 def _add(
     information: Float,
     gradient: Float,
@@ -138,62 +141,76 @@ def _add(
             information[a, b] += strength * row[a] * row[b]
 
 
-@inner
-def _near(
-    grid: SurfaceGrid, x: float, y: float, nx: float, ny: float, reach: float
-) -> tuple[float, float, float, float]:
+class Point(NamedTuple):
+    """A point of a scan and its normal; ``post`` is 1 if it has none, and 0 otherwise.
+
+    A wall across which it lies farther than a ``reach`` [m] does not support it.
+    """
+
+    x: float
+    y: float
+    nx: float
+    ny: float
+    post: float
+    reach: float
+
+
+def _support(
+    wall: tuple[float, ...], point: Point, end: float
+) -> tuple[bool, float, float, float, float]:
+    """Whether a map point before a row supports a point; its weight, weighted normal and distance.
+
+    Of two walls one behind the other the nearer one counts more. The weight is a product of two
+    bumps that end at 0: they cost a few products where a Gaussian has a power.
+    """
+    x, y, nx, ny, row = wall
+    dx = point.x - x
+    dy = point.y - y
+    off = nx * dx + ny * dy
+    across = off * off
+    beside = -(dx * dx + dy * dy - across) + ALONG * ALONG
+    near = point.reach * point.reach - across
+    # A post is compared with posts only, whose normal is zero.
+    cosine = nx * point.nx + ny * point.ny + point.post * (-(nx * nx + ny * ny) + ALIGNED)
+    met = (cosine >= ALIGNED) & (beside > 0.0) & (near > 0.0) & (row < end)
+    bump = choose(met, beside * near, 0.0)
+    weight = bump * bump
+    across_x = nx + point.post * dx
+    across_y = ny + point.post * dy
+    return met, weight, weight * across_x, weight * across_y, weight * off
+
+
+add_support = by_lanes(_support, width=5, adds=True)
+
+
+@borrower
+def _near(grid: SurfaceGrid, point: Point, sums: Float) -> tuple[float, float, float, float]:
     """The weight of the map's wall near a point, its normal, and the distance; 0 without a wall.
 
     All map points around count, not just the nearest: the mean of several views of a wall is better
     than any one of them, and the nearest point is biased towards the guess. A point without a
     normal is compared with posts; their distances along x and y take the place of the normal.
     """
-    left, right = _cells_near((x - grid.left) / grid.cell, grid.columns)
-    low, high = _cells_near((y - grid.low) / grid.cell, grid.rows)
-    total = sum_x = sum_y = sum_off = 0.0
-    post = nx == 0.0 and ny == 0.0
-    for row in range(low, high):
-        start = row * grid.columns
-        for k in range(grid.first[start + left], grid.first[start + right]):
-            wall = grid.surface[k]
-            dx = x - wall.x
-            dy = y - wall.y
-            off = wall.nx * dx + wall.ny * dy
-            weight = _weight(dx * dx + dy * dy - off * off, off * off, reach * reach)
-            # A post is compared with posts only.
-            alike = wall.nx * nx + wall.ny * ny >= ALIGNED
-            weight = weight if (wall.nx == wall.ny == 0.0 if post else alike) else 0.0
-            u, v = (dx, dy) if post else (wall.nx, wall.ny)
-            total += weight
-            sum_x += weight * u
-            sum_y += weight * v
-            sum_off += weight * off
-    if total < 1e-3:
+    column = int(np.floor((point.x - grid.left) / grid.cell))
+    row = int(np.floor((point.y - grid.low) / grid.cell))
+    if column < 0 or column >= grid.wide or row < 0 or row >= grid.high:
         return 0.0, 0.0, 0.0, 0.0
+    start = grid.first[row * grid.wide + max(column - 1, 0)]
+    end = grid.first[row * grid.wide + min(column + 2, grid.wide)]
+    sums[:] = 0.0
+    for base in range(start, end, LANES):
+        add_support(grid.columns, np.uint64(base), point, np.float64(end), sums)
+    total = sum_x = sum_y = sum_off = 0.0
+    for k in range(LANES):
+        total += sums[k]
+        sum_x += sums[LANES + k]
+        sum_y += sums[2 * LANES + k]
+        sum_off += sums[3 * LANES + k]
     # A point that only far-off map points support counts less.
-    near = min(1.0, total)
-    length = np.hypot(sum_x, sum_y)
-    if post:
+    near = min(1.0, total / (ALONG * point.reach) ** 4)
+    if near < 1e-3:
+        return 0.0, 0.0, 0.0, 0.0
+    length = np.sqrt(sum_x * sum_x + sum_y * sum_y)
+    if point.post > 0.0:
         return near, sum_x / total, sum_y / total, length / total
     return near, sum_x / length, sum_y / length, sum_off / total
-
-
-@borrower
-def _cells_near(place: float, count: int) -> tuple[int, int]:
-    """The range of up to three cells around a place [cells]; empty outside of the grid."""
-    cell = int(np.floor(place))
-    if cell < 0 or cell >= count:
-        return 0, 0
-    return max(cell - 1, 0), min(cell + 2, count)
-
-
-@borrower
-def _weight(along: float, across: float, reach: float) -> float:
-    """The weight of a map point by its squared distances [m²]: along its wall and across it.
-
-    Of two walls one behind the other the nearer one counts more. The weight is a product of two
-    bumps that end at 0: they cost a few products where a Gaussian has a power.
-    """
-    beside = max(1.0 - along / (ALONG * ALONG), 0.0)
-    near = max(1.0 - across / reach, 0.0)
-    return beside * beside * near * near

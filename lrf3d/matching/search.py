@@ -212,10 +212,6 @@ class Submap:
         parts = zip(self.keys, self.poses, strict=True)
         return grid_of(concatenated(moved(key.walls, at) for key, at in parts))
 
-    def seen_from(self, pose: Float) -> Float:
-        """The pose (3,) of a robot as seen from each key scan (k, 3)."""
-        return between(self.poses, pose)
-
     def match(self, scan: Key, guess: Float, prior: Float) -> Match | None:
         """Match a scan, starting from a guess (3,); None if scan or map show no walls."""
         if self.grid is None or not len(scan.surface):
@@ -225,7 +221,7 @@ class Submap:
 
     def place(self, scan: Key, match: Match) -> Place:
         """Weigh a match by the evidence for it."""
-        poses = self.seen_from(match.pose)
+        poses = between(self.poses, match.pose)
         return Place(match, evidence(scan.hits, match.explained, poses, self.fans))
 
     def places(self, scan: Key, guess: Float, spread: Float, near: float = np.inf) -> list[Place]:

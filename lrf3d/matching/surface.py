@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner, record
+from lrf3d.compiling import LANES, borrower, compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 from lrf3d.geometry.pose import Pose
 from lrf3d.laser import LaserScan
@@ -74,18 +74,15 @@ def range_noise(scan: LaserScan) -> float:
     apart beams lie; the deviation is noise. The median over beams on one surface ignores corners.
     """
     ranges = np.where(scan.hits, scan.ranges, np.nan)
-    known = np.sort(_second_differences(ranges, np.array(scan.angles)))
-    # The median; `np.median` takes ten times as long for the values of a scan.
-    middle = known[(len(known) - 1) // 2 : len(known) // 2 + 1]
-    # It gives a standard deviation, and a second difference has six times the variance.
-    return float(1.4826 * middle.mean() / np.sqrt(6)) if len(known) else 0.0
+    # The median gives a standard deviation, and a second difference has six times the variance.
+    return float(1.4826 * _second_difference(ranges, np.array(scan.angles)) / np.sqrt(6))
 
 
 @compiled
-def _second_differences(ranges: Float, angles: Float) -> Float:
-    """How far ranges (n,) on one surface are from the line through their neighbours [m].
+def _second_difference(ranges: Float, angles: Float) -> float:
+    """Median distance of ranges (n,) from the line through their neighbours on a surface [m].
 
-    Ranges may be 0 or NaN, and angles equal: those are left out.
+    Ranges may be 0 or NaN, and angles equal: those are left out. It is 0 where none are left.
     """
     found = np.empty(len(ranges))
     count = 0
@@ -102,7 +99,7 @@ def _second_differences(ranges: Float, angles: Float) -> Float:
         if max(abs(before - middle), abs(after - middle)) < apart and np.isfinite(rough):
             found[count] = rough
             count += 1
-    return found[:count]
+    return np.median(found[:count]) if count else 0.0
 
 
 def points_of(scan: LaserScan, mount: Pose) -> Records:
@@ -146,11 +143,8 @@ def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: fl
     missed = 1.5 * step  # Angle between hits [rad] beyond which a beam between them had no return.
     posts = np.zeros_like(points)
     found = 0
-    sum_x = sum_y = left_x = left_y = 0.0
     left = -1
     for k in range(len(points) - 1):
-        sum_x = sum_x + points[k].x
-        sum_y = sum_y + points[k].y
         apart = max(CONNECTED + 0.5 * CONNECTED_GROWTH * ranges[k], CONNECTED_NOISE * noise)
         if np.hypot(points[k + 1].x - points[k].x, points[k + 1].y - points[k].y) <= apart:
             continue
@@ -162,12 +156,10 @@ def _posts(points: Records, ranges: Float, angles: Float, step: float, noise: fl
             before = abs(angles[first] - angles[left]) > missed or ranges[left] > ranges[first]
             behind = abs(angles[k + 1] - angles[k]) > missed or ranges[k + 1] > ranges[k]
             if before and behind:
-                posts[found].x = (sum_x - left_x) / number
-                posts[found].y = (sum_y - left_y) / number
+                posts[found].x = points["x"][first : k + 1].mean()
+                posts[found].y = points["y"][first : k + 1].mean()
                 found += 1
         left = k
-        left_x = sum_x
-        left_y = sum_y
     return posts[:found]
 
 
@@ -181,7 +173,7 @@ class Line(NamedTuple):
     variance: float
 
 
-@inner
+@borrower
 def _line(points: Records, first: int, last: int) -> Line:
     """The line through points from a first to a last one; its variance is inf if they form none."""
     number = last - first + 1
@@ -246,7 +238,7 @@ def _walls(points: Records, laser_x: float, laser_y: float, step: float, noise: 
     return found[:kept]
 
 
-@inner
+@borrower
 def _reach(points: Records, i: int, side: int, away: float, step: float, noise: float) -> int:
     """The last point of a point's baseline on one side."""
     # Half the baseline of a normal [m], which is as long as a cell.
@@ -316,14 +308,18 @@ def thinned(surface: Records) -> Records:
 
 
 class SurfaceGrid(NamedTuple):
-    """A surface sorted into square cells, with the number of the first point of each cell."""
+    """A surface sorted into square cells, with the number of the first point of each cell.
 
-    surface: Records
+    A cell holds also the points of the cells above and below it, so that lookups read one range of
+    rows. The columns (5, m) are x, y [m], nx, ny and the number of the row; whole vectors follow.
+    """
+
+    columns: Float
     first: Int
     left: float
     low: float
-    columns: int
-    rows: int
+    wide: int
+    high: int
     cell: float  # The side of a cell [m].
 
 
@@ -333,33 +329,35 @@ def grid_of(surface: Records) -> SurfaceGrid | None:
 
 
 @compiled
-def _sorted(surface: Records) -> tuple[Records, Int, float, float, int, int, float]:
+def _sorted(surface: Records) -> tuple[Float, Int, float, float, int, int, float]:
     """The fields of the grid of a surface."""
-    left = right = surface[0].x
-    low = high = surface[0].y
-    for point in surface:
-        left = min(left, point.x)
-        right = max(right, point.x)
-        low = min(low, point.y)
-        high = max(high, point.y)
-    width = right - left
-    height = high - low
+    left = surface["x"].min()
+    low = surface["y"].min()
+    width = surface["x"].max() - left
+    height = surface["y"].max() - low
     cell = max(CELL, np.sqrt(width * height / MOST_CELLS))
     # An empty cell all around: every point of the surface has neighbours on all sides.
-    columns = int(width / cell) + 3
+    wide = int(width / cell) + 3
     rows = int(height / cell) + 3
-    first = np.zeros(columns * rows + 1, np.int64)
-    places = np.empty(len(surface), np.int64)
+    first = np.zeros(wide * rows + 1, np.int64)
+    # The cell below each point.
+    below = np.empty(len(surface), np.int64)
     for i in range(len(surface)):
         column = int((surface[i].x - left) / cell)
         row = int((surface[i].y - low) / cell)
-        places[i] = (row + 1) * columns + column + 1
-        first[places[i] + 1] += 1
+        below[i] = row * wide + column + 1
+        for up in range(3):
+            first[below[i] + up * wide + 1] += 1
     first = np.cumsum(first)
     # Sorted by counting: a third of the time of a merge sort.
     filled = first[:-1].copy()
-    order = np.empty(len(surface), np.int64)
+    # Behind the last row, zeros whose number is beyond all.
+    columns = np.zeros((5, 3 * len(surface) + LANES))
+    columns[4] = np.inf
     for i in range(len(surface)):
-        order[filled[places[i]]] = i
-        filled[places[i]] += 1
-    return surface[order], first, left - cell, low - cell, columns, rows, cell
+        point = surface[i]
+        for up in range(3):
+            at = filled[below[i] + up * wide]
+            columns[:, at] = (point.x, point.y, point.nx, point.ny, np.float64(at))
+            filled[below[i] + up * wide] += 1
+    return columns, first, left - cell, low - cell, wide, rows, cell

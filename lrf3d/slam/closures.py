@@ -241,7 +241,7 @@ class LoopCloser:
         if any(self._near(old, one) and self._near(new, other) for one, other in self.ruled_out):
             return "ruled out"
         around = self._submap(old, new)
-        if self.mixed_pixels.contradict(around.keys, self.keys[new], around.seen_from(pose)):
+        if self.mixed_pixels.contradict(around.keys, self.keys[new], between(around.poses, pose)):
             return "beams pass through"
         return ""
 
@@ -262,11 +262,10 @@ class LoopCloser:
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if len(self.keys[new].surface) < LEAST_POINTS or not fits.any():
             return []
-        poses = self._poses
         places = list[tuple[int, Place]]()
-        lengths, spreads = self.paths.spreads(new, poses)
+        lengths, spreads = self.paths.spreads(new, self._poses)
         fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
-        away = (poses - poses[new])[:, :2]
+        away = (self._poses - self._poses[new])[:, :2]
         apart = np.hypot(*away.T)
         along = away / np.where(apart > 0.0, apart, 1.0)[:, None]
         deviation = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
@@ -277,7 +276,7 @@ class LoopCloser:
                 break
             old = int(np.where(fits, apart, np.inf).argmin())
             spread = _bounded(spreads[old])
-            guess = between(poses[old], poses[new])
+            guess = between(self._poses[old], self._poses[new])
             places += [(old, place) for place in self._places(old, new, spread, guess)]
             # Next, an old key scan elsewhere is tried. In a small window one good match is enough;
             # in a wide one all are tried, so that a place that only looks right is not accepted.

@@ -272,7 +272,7 @@ class FrontEnd:
     def _passed(self, scan: Key, pose: Float) -> bool:
         """Whether a scan at a pose (3,) and the local map contradict each other."""
         return bool(self._map.keys) and self.mixed_pixels.contradict(
-            self._map.keys, scan, self._map.seen_from(pose)
+            self._map.keys, scan, between(self._map.poses, pose)
         )
 
     def _match(self, scan: Key, expected: Prediction) -> Placed:

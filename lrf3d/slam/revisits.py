@@ -74,7 +74,7 @@ def revisit(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) -> Anchor
         match is None
         or match.explained < CERTAIN_SHARE
         or not (np.abs(between(guess, match.pose)) < GUESS_ERROR).all()
-        or closer.mixed_pixels.contradict(around.keys, scan, around.seen_from(match.pose))
+        or closer.mixed_pixels.contradict(around.keys, scan, between(around.poses, match.pose))
     ):
         return None
     # Along a corridor the walls do not fix the distance: there the drift continues.

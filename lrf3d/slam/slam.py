@@ -166,10 +166,9 @@ class Slam:
             )
         lasers = () if lrf is None else lasers_of(lrf)
         self._tracker = Tracker(lasers, as_pose(start), laser_offset, key_distance, wheels)
-        self._front = self._tracker.front
         self.converter = self._tracker.converter
         self.tracked = self._tracker.tracked
-        self.closer = LoopCloser(self._front.mixed_pixels)
+        self.closer = LoopCloser(self._tracker.front.mixed_pixels)
         self.closer.ruled_out = [*apart]
         self._known = [*close]
         self._anchors: list[Anchor] = []
@@ -270,14 +269,13 @@ class Slam:
     def _edge_to_last(self) -> Records:
         """The edge from the key scan of the last anchor to the last scan."""
         last = self._anchors[-1]
-        tracked = self.tracked[-1]
         relative = self._since_key()
         *_, turn = relative.tolist()
         since = (scan.covariance for scan in self.tracked[last.scan + 1 :])
         covariance = sum(since, last.covariance)
         # The information is along the axes of the new pose; the edge's is along the old one's.
         wheels = turned(np.diag(1.0 / covariance.diagonal()), turn)
-        information = turned(MATCHING_SHARE * tracked.information, turn) + wheels
+        information = turned(MATCHING_SHARE * self.tracked[-1].information, turn) + wheels
         return edges_of(last.key, len(self._key_scans), relative[None], information, wheels)
 
     def _lost(self) -> int:
@@ -293,7 +291,7 @@ class Slam:
     def _robot(self) -> Float:
         """Pose (3,) of the robot at the last scan."""
         if not self._anchors:
-            return self._front.pose
+            return self._tracker.front.pose
         return compose(self.key_poses[self._anchors[-1].key], self._since_key())
 
     @property
@@ -395,7 +393,7 @@ class Slam:
     @property
     def wheels(self) -> Wheels:
         """The wheels' errors as estimated so far; ``wheels.biases`` are the systematic ones."""
-        return self._front.wheels
+        return self._tracker.front.wheels
 
     def finish(self) -> None:
         """Settle all closures and optimise all poses, after the last scan."""

@@ -153,11 +153,10 @@ class SolvedLog:
             return []
         axes = np.linalg.norm(estimate.ellipses, 2, axis=(1, 2))
         extent = float(np.hypot(*np.ptp(self.poses[:, :2], axis=0)))
-        placed = self.log.placed
-        if (most := axes.max()) < max(MOST_UNSURE, BENT_SHARE * extent * placed):
+        if (most := axes.max()) < max(MOST_UNSURE, BENT_SHARE * extent * self.log.placed):
             return []
         where = f"the position at scan {estimate.known_scans[axes.argmax()]}"
-        if placed:
+        if self.log.placed:
             advice = "the map may be bent; --close A:B joins scans that show one place"
             return [f"{where} is known to {most:.2f} m in {extent:.0f} m: {advice}"]
         return [f"by the laser alone {where} is known to {most:.2f} m: the map may be stretched"]
@@ -248,10 +247,8 @@ class SolvedLog:
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
-        log = self.log
-        slam = self.slam
         line_map = self.run.map
-        slams = [slam] if self.parts is None else self.parts.slams
+        slams = [self.slam] if self.parts is None else self.parts.slams
         tracked = [scan for each in slams for scan in each.tracked[1:]]
         keys = self.key_scans[0]
         errors = "turn_share", "turn_rad_per_m", "distance_share"
@@ -262,9 +259,9 @@ class SolvedLog:
         earlier = slice(-from_end[-1])  # The scans of earlier drives may have leaps, too.
         steps[earlier][leaps(steps)[earlier]] = 0.0
         return {
-            "name": log.name,
+            "name": self.log.name,
             "log": {
-                **log.counts,
+                **self.log.counts,
                 "odometry_lines": len(self.line_poses),
                 "odometry": self.odometry,
                 **figures_of(self.recording),
@@ -272,7 +269,7 @@ class SolvedLog:
             "map": {"segments": len(line_map), "objects": line_map.object_count},
             "wheels": {
                 "lag_lines": float(self.recording.lags.mean()),
-                **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
+                **dict(zip(errors, self.slam.wheels.biases.tolist(), strict=True)),
                 "solved_times": self.passes,
             },
             "slam": {
