@@ -12,6 +12,7 @@ from lrf3d.apps.cli.console import print_json, say
 PARTS = {
     "ranges": "scripts/bench ranges --walls 400,10000 --figure ranges.png",
     "lidar": "scripts/bench lidar --seconds 4",
+    "clouds": "scripts/bench clouds --figure clouds.png",
     "maps": "scripts/bench maps --seeds 1 --figure maps.png",
     "drive": "scripts/bench drive --figure drive.png",
     "slam": "scripts/bench slam --figure slam.png",
@@ -27,6 +28,7 @@ PARTS = {
 QUICK = {
     "ranges": "--walls 40 --seconds 0.1",
     "lidar": "--seconds 0.05 --walls 500 --robots 8 --beams 20000",
+    "clouds": "--layers 8 --noises 20 --scans 4",
     "maps": "--seeds 1 --every 80 --scans 20",
     "drive": "--seconds 5",
     "slam": "--scans 40 --spacings 0.5",

@@ -41,6 +41,10 @@ PARALLEL = 0.1
 # Share of the width of a doorway, to each side of its middle, that a drawn leaf would block.
 PASSAGE = 0.4
 
+# Distance [m] to which a doorway is cut through a wall that a user points at: walls of bricks have
+# up to 0.45 m, cupboards that lines enclose are deeper.
+DEEP = 0.45
+
 # Height [m] below which drawn walls are furniture: the route planner divides no rooms by them.
 LOW = 0.5 * DEFAULT_HEIGHT
 
@@ -339,7 +343,7 @@ class Doorway(Decision):
         along = directions(parts.segments[stands])[np.argmin(away)]
         across = np.array([-along[1], along[0]])
         half = 0.5 * self.width * along
-        deep = THICKEST_WALL * across
+        deep = DEEP * across
         box, middle = (
             shapely.Polygon([place + share * s * half + t * deep for s, t in _CORNERS])
             for share in (1.0, 2.0 * PASSAGE)
@@ -355,7 +359,8 @@ class Doorway(Decision):
         if cut is None:
             return None
         cut = _cleared(cut, place, along * self.width)
-        ends = [[place + s * half + t * across for t in faces] for s in (-1.0, 1.0)]
+        depth = min(faces), max(faces)
+        ends = [[place + s * half + t * across for t in depth] for s in (-1.0, 1.0)]
         corners = np.array([ends[0][0], ends[1][0], ends[0][0] + self.width * across])
         door = Door(corners, self.width)
         # Jambs close the ends of a wall with two faces.
@@ -383,9 +388,13 @@ _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 def _faces(off: Float) -> list[float]:
-    """Distances [m] of the one or two faces of the nearest wall, among those (k,) of lines."""
-    near = sorted({round(float(each), 6) for each in off}, key=abs)
-    return near[:1] + [each for each in near[1:2] if abs(each - near[0]) <= THICKEST_WALL]
+    """Distances [m] of the faces of the nearest wall, and of lines between, among lines (k,)."""
+    faces: list[float] = []
+    for each in sorted({round(float(each), 6) for each in off}, key=abs):
+        wall = [*faces, each]
+        if max(wall) - min(wall) <= (THICKEST_WALL if len(faces) > 1 else DEEP):
+            faces = wall
+    return faces
 
 
 @dataclass(frozen=True)

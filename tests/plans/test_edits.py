@@ -136,6 +136,15 @@ def test_a_doorway_goes_through_a_wall_whose_third_line_ends_at_its_side(tmp_pat
     assert not across.any() and len(plan.segments) == 8
 
 
+@pytest.mark.parametrize(("places", "lines"), [((0, 0.4), 6), ((0, 0.55), 3), ((0, 0.1, 0.2), 8)])
+def test_a_doorway_goes_through_all_lines_of_a_wall_but_not_through_a_cupboard(
+    tmp_path, places, lines
+):
+    save_world(World([[0, y, 8, y] for y in places]), tmp_path / "w.geojson")
+    plan = read_plan(tmp_path / "w.geojson", [Doorway([3, 0.05], 1.0)])
+    assert len(plan.segments) == lines
+
+
 def test_a_picture_is_read_by_the_scale_that_was_pointed_out(tmp_path):
     pixels = np.full((400, 500), 255, np.uint8)
     pixels[50:350, 60:440] = 0
