@@ -122,6 +122,11 @@ class Ground:
         return np.asarray(self.gaps >= max(THINNEST, 1.25 * self.size))
 
     @cached_property
+    def steps(self) -> Int:
+        """The flat indices (2, k) of pairs of neighbouring passable cells."""
+        return neighbours(self.passable)
+
+    @cached_property
     def wide(self) -> Bool:
         """Which cells are wider than a doorway."""
         return np.asarray(self.gaps >= 0.5 * DOORWAY)
@@ -138,7 +143,7 @@ class Ground:
             cores == 0, return_distances=False, return_indices=True
         )
         core = cores[tuple(nearest)].ravel()
-        one, other = neighbours(self.passable)
+        one, other = self.steps
         # Cells beyond a wall may be near to a room, but are not connected with it.
         same = core[one] == core[other]
         piece = groups(one[same], other[same], core.size).reshape(cores.shape)
@@ -150,16 +155,14 @@ class Ground:
         """The pairs (k, 2) of rooms side by side, and the widest cell (k,) between each two."""
         rooms = self.rooms.ravel()
         gaps = self.gaps.ravel()
-        one, other = neighbours(self.passable)
-        between = rooms[one] != rooms[other]
-        one = one[between]
-        other = other[between]
-        pairs = np.sort(np.column_stack([rooms[one], rooms[other]]), axis=1)
-        order = np.argsort(-np.minimum(gaps[one], gaps[other]), kind="stable")
-        found, first = np.unique(pairs[order], axis=0, return_index=True)
-        one = one[order][first]
-        other = other[order][first]
-        return found, np.where(gaps[one] < gaps[other], one, other)
+        steps = self.steps[:, np.ptp(rooms[self.steps], axis=0) > 0]
+        pairs = np.sort(rooms[steps], axis=0)
+        order = np.argsort(-gaps[steps].min(axis=0), kind="stable")
+        number = pairs[0] * (rooms.max() + 1) + pairs[1]
+        _, first = np.unique(number[order], return_index=True)
+        widest = order[first]
+        one, other = steps[:, widest]
+        return pairs[:, widest].T, np.where(gaps[one] < gaps[other], one, other)
 
     def _swept(self) -> Bool:
         """Which cells a disc as wide as a wide door sweeps from the border."""
@@ -176,21 +179,20 @@ class Ground:
         outer wall has a line on each side.
         """
         world = self.world
-        free = self.passable
-        parts, count = parts_of(free)
-        number = np.arange(count + 1)
+        parts, count = parts_of(self.passable)
         wall = self.walls[self.nearest]
         objects = world.objects[wall]
         is_open = np.bincount(parts[self.swept], minlength=count + 1) > 0
-        owner = scipy.ndimage.minimum(objects, parts, number).astype(int)
-        closed = (owner == scipy.ndimage.maximum(objects, parts, number)) & ~is_open
+        owner = largest(objects, parts, count + 1)
+        mixed = np.bincount(parts[objects != owner[parts]], minlength=count + 1) > 0
+        closed = ~mixed & ~is_open
         alone = np.bincount(owner[closed], minlength=world.object_count)[owner] == 1
         several = len(np.unique(objects[self.swept])) > 1
-        high = scipy.ndimage.maximum(world.heights[wall], parts, number) > DEFAULT_HEIGHT
+        high = largest(world.heights[wall], parts, count + 1) > DEFAULT_HEIGHT
         building = closed & (high | alone & several)
         indoors = ~self.swept & ~building[parts]
-        rooms = len(np.unique(self.nearest[free & indoors]))
-        outdoors = len(np.unique(self.nearest[free & self.swept]))
+        rooms = len(np.unique(self.nearest[self.passable & indoors]))
+        outdoors = len(np.unique(self.nearest[self.passable & self.swept]))
         # Otherwise it is a town, or a few walls in the open, which enclose hardly anything.
         substantial = rooms >= SUBSTANTIAL * outdoors
         return (self.swept, False) if substantial else (is_open[parts], True)
@@ -277,18 +279,26 @@ class FreeSpace:
         return graph + graph.T
 
 
-def neighbours(cells: Bool) -> tuple[Int, Int]:
-    """The flat indices (k,), (k,) of pairs of neighbouring cells, also round corners."""
-    index = np.where(cells, np.arange(cells.size).reshape(cells.shape), -1)
-    index = np.pad(index, 1, constant_values=-1)
-    inner = index[1:-1, 1:-1]
+def largest(values: Float | Int, parts: Int, count: int) -> Any:
+    """The largest of values (…), 0 or more, in each of a count of parts; 0 in those without any."""
+    found = np.zeros(count, values.dtype)
+    np.maximum.at(found, parts.ravel(), values.ravel())
+    return found
+
+
+def neighbours(cells: Bool) -> Int:
+    """The flat indices (2, k) of pairs of neighbouring cells, also round corners."""
+    index = np.arange(cells.size).reshape(cells.shape)
     pairs = []
-    for x, y in ((1, 0), (0, 1), (1, 1), (1, -1)):
-        other = np.roll(index, (-x, -y), (0, 1))[1:-1, 1:-1]
-        both = (inner >= 0) & (other >= 0)
-        pairs.append(np.stack([inner[both], other[both]]))
-    one, other = np.concatenate(pairs, axis=1)
-    return one, other
+    for here, there in (
+        (np.s_[:-1], np.s_[1:]),
+        (np.s_[:, :-1], np.s_[:, 1:]),
+        (np.s_[:-1, :-1], np.s_[1:, 1:]),
+        (np.s_[:-1, 1:], np.s_[1:, :-1]),
+    ):
+        both = cells[here] & cells[there]
+        pairs.append(np.stack([index[here][both], index[there][both]]))
+    return np.concatenate(pairs, axis=1)
 
 
 def free_places(world: World, least: float) -> Float:

@@ -9,7 +9,7 @@ import scipy
 
 from lrf3d.base.text import Note, counted
 from lrf3d.geometry.lines import Bool, Float, Int, directions
-from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, Ground
+from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, Ground, largest
 from lrf3d.robot.kinematics import RADIUS
 from lrf3d.world import World
 from lrf3d.world.pieces import groups
@@ -31,19 +31,20 @@ def true_rooms(ground: Ground, inside: Bool) -> Int:
     A space without a door to most of the others may be a shaft, so it must be larger to count.
     """
     rooms = np.where(inside, ground.rooms, 0)
-    number = np.arange(rooms.max() + 1)
     area = np.bincount(rooms.ravel()) * ground.size**2
+    # The other cells are no room.
+    area[0] = 0.0
     pairs = ground.doorways[0]
     one, other = pairs[np.isin(pairs, rooms).all(axis=1)].T
-    reach = groups(one, other, len(number))
-    closed = reach != np.argmax(np.bincount(reach, np.where(number > 0, area, 0.0)))
-    found = (area >= np.where(closed, 4.0, 2.0)) & (number > 0)
-    found &= scipy.ndimage.maximum(ground.gaps, rooms, number) >= np.where(closed, 0.9, ROOMY)
+    reach = groups(one, other, len(area))
+    closed = reach != np.argmax(np.bincount(reach, area))
+    found = area >= np.where(closed, 4.0, 2.0)
+    found &= largest(ground.gaps, rooms, len(area)) >= np.where(closed, 0.9, ROOMY)
     entrance = scipy.ndimage.binary_dilation(ground.swept, np.ones((3, 3), dtype=np.bool_))
-    found &= scipy.ndimage.maximum(np.where(entrance, ground.gaps, 0.0), rooms, number) < ROOMY
+    found &= largest(np.where(entrance, ground.gaps, 0.0), rooms, len(area)) < ROOMY
     # A space within walls of less than half the usual height is furniture.
     heights = ground.world.heights
-    highest = scipy.ndimage.maximum(heights[ground.walls[ground.nearest]], rooms, number)
+    highest = largest(heights[ground.walls[ground.nearest]], rooms, len(area))
     return np.flatnonzero(found & (highest >= 0.5 * np.median(heights)))
 
 
@@ -81,7 +82,7 @@ def _numbered(ground: Ground) -> tuple[Int, Int]:
     """
     inside = ground.on_side("inside", None)
     rooms = np.where(inside, ground.rooms, 0)
-    widest = scipy.ndimage.maximum(ground.gaps, rooms, np.arange(ground.rooms.max() + 1))
+    widest = largest(ground.gaps, rooms, int(ground.rooms.max()) + 1)
     pairs, cell = ground.doorways
     even = ground.gaps.ravel()[cell] > EVEN * widest[pairs].max(axis=1)
     one, other = pairs[even & np.isin(pairs, rooms).all(axis=1)].T
@@ -265,9 +266,8 @@ def shown_share(world: World, positions: Float, shown: Float, walls: Int) -> flo
     ends = np.full((len(world.segments), 2), np.nan)
     base = world.segments[:, :2] - world.origin
     unit = directions(world.segments)
-    for column in (0, 1):
-        corner = shown[:, 2 * column : 2 * column + 2] - world.origin - base[walls]
-        ends[walls, column] = (corner * unit[walls]).sum(axis=1)
+    corners = shown.reshape(-1, 2, 2) - world.origin - base[walls, None]
+    ends[walls] = (corners * unit[walls, None]).sum(axis=2)
     wall = ground.walls[along]
     station = ((ground.pieces[along] - base[wall]) * unit[wall]).sum(axis=1)
     rounding = 1e-3  # Error of a station along its wall [m].

@@ -67,6 +67,8 @@ class Mark(NamedTuple):
     colour: str = ""
     # The items of the file that it is drawn for.
     items: tuple[Any, ...] = ()
+    # The middle of a thin line that is painted as an area, since it is as light as white paper.
+    middle: Any = None
 
 
 class PerUnit(NamedTuple):
@@ -105,6 +107,8 @@ class Canvas:
         # The scale of the drawing, and factors that may correct it, with their reasons.
         self.scale = 1.0
         self.scales = dict[float, str]()
+        # Whether the paper is dark although no area of it is painted.
+        self.dark = False
         # Whether the source names its unit.
         self.declared = False
         self._work = self._points = 0
@@ -156,6 +160,8 @@ class Canvas:
         closed = len(points) > 3 and (points[0] == points[-1]).all()
         shape = shapely.linearrings(points) if closed else shapely.linestrings(points)
         if mark.width:
+            thin = mark.width <= self.pen
+            mark = mark._replace(middle=_clipped(shape, clip) if thin else None)
             shape = shape.buffer(mark.width / 2.0, cap_style=cap, join_style="mitre")
         self._add(shape, mark, clip)
 
@@ -191,15 +197,26 @@ class Canvas:
                 self.line(line, pen, clip, "square" if square else "flat")
 
     def _add(self, shape: Any, mark: Mark, clip: Any) -> None:
-        inside = clip is None or clip.covers(shape)
-        cut = shape if inside else shape.intersection(clip)
-        touches = not inside and is_area(shape) and 2.0 * cut.area < TOUCHING * cut.length
+        cut = _clipped(shape, clip)
+        touches = cut is not shape and is_area(cut) and 2.0 * cut.area < TOUCHING * cut.length
         if not (cut.is_empty or touches):
             self.marks.append(mark._replace(shape=cut, items=self._items))
 
+    def find_paper(self) -> None:
+        """Note that the paper is dark, if lines, or areas as thin as walls, are white, and all."""
+        white = all(mark.contrast < FAINT for mark in self.marks)
+        if white and not all(is_thick(mark.shape) for mark in self.marks):
+            self.dark = True
+            self.said = "all is drawn in white, as on dark paper"
+
     def seen(self) -> list[Mark]:
         """The marks without the paper and what later areas hide."""
-        return _seen(_on_paper(self.marks))
+        return _seen(_on_paper(self.marks, self.dark))
+
+
+def _clipped(shape: Any, clip: Any) -> Any:
+    """What a clip, if there is one, leaves of a shape."""
+    return shape if clip is None or clip.covers(shape) else shape.intersection(clip)
 
 
 def area_of(rings: list[Float], winding: bool = False) -> Any:
@@ -246,19 +263,25 @@ def curve_points(controls: Float, tolerance: float) -> Float:
     return np.asarray(points, dtype=np.float64)
 
 
-def _on_paper(marks: list[Mark]) -> list[Mark]:
-    """The marks without the paper: an opaque rectangle that is painted first, around all others.
+def _on_paper(marks: list[Mark], dark: bool) -> list[Mark]:
+    """The marks without the paper, if it is painted.
 
-    On dark paper, contrasts are reversed: light marks stand out.
+    On dark paper, contrasts are reversed: light marks stand out, and thin lines have no faces.
     """
-    if len(marks) < 2 or marks[0].shape.geom_type != "Polygon":
+    if len(marks) > 1 and _is_paper(marks[0], marks[1:]):
+        dark = marks[0].contrast > 0.5
+        marks = marks[1:]
+    if not dark:
         return marks
-    first, *rest = marks
+    return [m._replace(contrast=1.0 - m.contrast, shape=m.middle or m.shape) for m in marks]
+
+
+def _is_paper(first: Mark, others: list[Mark]) -> bool:
+    """Whether the mark that is painted first is an opaque rectangle around all others."""
     sheet = shapely.box(*first.shape.bounds)
-    others = shapely.box(*shapely.total_bounds([mark.shape for mark in rest]))
-    if not (first.opaque and first.shape.area > 0.99 * sheet.area and sheet.covers(others)):
-        return marks
-    return [m._replace(contrast=1.0 - m.contrast) if first.contrast > 0.5 else m for m in rest]
+    drawn = shapely.box(*shapely.total_bounds([m.middle or m.shape for m in others]))
+    fills = first.opaque and first.shape.area > 0.99 * sheet.area
+    return bool(fills and first.shape.geom_type == "Polygon" and sheet.covers(drawn))
 
 
 def _seen(marks: list[Mark]) -> list[Mark]:

@@ -5,10 +5,8 @@ A canvas with the marks of a DXF, SVG or PDF drawing enters; `plan_of` takes fou
 1. Each mark gets a role from the name of its layer, in AIA's groups or words of the larger
    languages; the role is ``other`` where the name says nothing.
 2. Areas that are floors or doorways get these roles instead.
-3. Marks become segments: lines as they are, areas by their outlines, so that a wall drawn as an
-   area has two faces.
-4. `RULES` find doors and take out what does not stand: by its role, or, on ``other`` layers, by
-   how symbols are drawn.
+3. Marks become segments: lines as they are, areas by their outlines: a solid wall has two faces.
+4. `RULES` find doors and take out what does not stand, by its role or by how symbols are drawn.
 
 What is left are walls and furniture; in the world of a plan, those that touch are one object.
 """
@@ -426,10 +424,8 @@ def _rooms(marks: list[Mark], roles: list[str]) -> list[Piece]:
     if outline.length > (1.0 - COMMON) * shapely.length(shapes).sum():
         return []
     doors = [mark for mark in others if mark.shape.intersects(outline)]
-    open_ = shapely.union_all([mark.shape for mark in doors]).buffer(
-        2.0 * SHARED, join_style="mitre"
-    )
-    walls = outline.difference(open_)
+    doorways = shapely.union_all([mark.shape for mark in doors])
+    walls = outline.difference(doorways.buffer(2.0 * SHARED, join_style="mitre"))
     items = tuple(item for mark in floors + doors for item in mark.items)
     return [Piece(shapely.line_merge(walls), "wall", items, floors[0])]
 
@@ -456,8 +452,11 @@ def _joined(areas: list[Piece], name: str, open_: Any) -> list[Piece]:
     if not areas:
         return []
     shapes = np.array([each.shape for each in areas])
-    whole = shapely.union_all(shapes).difference(open_)
-    parts = [each for each in shapely.get_parts(whole) if is_area(each)]
+    # Where thick areas of different colours touch, they are rooms with a wall in between.
+    thick = [each.mark.colour if is_thick(each.shape) else "" for each in areas]
+    colours = np.where(np.array(thick) == max(thick), "", thick)
+    whole = [shapely.union_all(shapes[colours == each]) for each in np.unique(colours)]
+    parts = [each for each in shapely.get_parts(shapely.difference(whole, open_)) if is_area(each)]
     joined: list[list[Piece]] = [[] for _ in parts]
     met = shapely.STRtree(shapes).query(parts, predicate="intersects")
     for part, area in sorted(met.T.tolist()):

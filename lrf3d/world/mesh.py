@@ -71,6 +71,9 @@ LEVELS = ("triangle above the cut", "triangle below the cut", "triangle within t
 # Least and largest height [m] of most walls of buildings, and of towns.
 HEIGHTS = (0.3, 60.0)
 
+# Least step between coordinates in single precision that is doubted, as a share of the height.
+COARSE = 1e-3
+
 # A mesh is doubted to lie on its side that is higher [m] than two storeys, and than this multiple
 # of its width.
 HIGH = 2.0 * DEFAULT_HEIGHT
@@ -89,6 +92,18 @@ def _size_doubt(world: World, scale: float) -> str:
     return f"{found} --scale {unit * scale:g} if it is in {UNITS[unit]} ({size})"
 
 
+def _rounding_doubt(path: Path, triangles: Float, scale: float) -> str:
+    """A doubt about corners in single precision, which are coarse far from the origin."""
+    single = triangles.astype(np.float32)
+    step = float(np.spacing(np.abs(single).max()))
+    fine = step < COARSE * np.ptp(triangles[..., 2])
+    # Texts hold numbers of any precision.
+    if fine or path.suffix.lower() in (".obj", ".off") or (single != triangles).any():
+        return ""
+    steps = f"corners in steps of {scale * step:.2g} m"
+    return f"{steps}? move it to the origin before it is saved; "
+
+
 def cut_of_mesh(
     path: Path, cut: float | None = None, scale: float = 1.0
 ) -> tuple[World, Balance, str]:
@@ -98,7 +113,8 @@ def cut_of_mesh(
     if not parts:
         held = f"; it holds {balance.words()}" if balance.left_out else ""
         raise WorldError(f"holds no triangle, so there is no wall{held}")
-    triangles = scale * np.concatenate([own for _, own in parts])
+    given = np.concatenate([own for _, own in parts])
+    triangles = scale * given
     part_of = np.repeat(np.arange(len(parts)), [len(own) for _, own in parts])
     above = CUT if cut is None else number(cut, "cut")
     for floor in floors_of(triangles):
@@ -133,7 +149,8 @@ def cut_of_mesh(
     world = world_of_parts(found, own_name(path))
     if not (len(parts) > 1 or parts[0][0].name):
         world = World(world.segments, connected(world.segments), world.heights, world.name)
-    said = f"cut {at_floor}; --cut sets the height" if floor else ""
+    said = _rounding_doubt(path, given, scale)
+    said += f"cut {at_floor}; --cut sets the height" if floor else ""
     *sides, rise = np.ptp(triangles.reshape(-1, 3), axis=0)
     if rise > max(HIGH, SLENDER * min(sides)):
         said = (

@@ -73,7 +73,12 @@ KEYS: Mapping[str, Converter] = {
     "origin": row("x", "y", "yaw"),
     **dict.fromkeys(("occupied_thresh", "free_thresh"), partial(number, most=1.0)),
     "negate": accepting("0 or 1", lambda value: value in (0, 1), int),
-    "mode": text("trinary", "scale", "raw"),
+    # Nav2 reads it in any case.
+    "mode": accepting(
+        "one of trinary, scale, raw",
+        lambda value: str(value).lower() in ("trinary", "scale", "raw"),
+        str.lower,
+    ),
 }
 
 

@@ -254,9 +254,17 @@ def test_what_rules_cannot_settle_is_doubted(phrase, doubt):
     assert phrase.startswith(doubt) and bool(phrase) == bool(doubt)
 
 
-def test_coloured_rooms_with_dark_outlines_are_no_solid_blocks(written):
-    rooms = [f'<rect x="{x}" y="1" width="4" height="5" fill="#d33"/>' for x in (1, 5, 9)]
-    sheet = '<svg width="15m" height="8m" viewBox="0 0 15 8" stroke="#000" stroke-width=".02">'
+@pytest.mark.parametrize(
+    ("colours", "stroke"), [(3 * ["#d33"], "#000"), (["#d33", "#33d", "#3d3"], "none")]
+)
+def test_dark_rooms_with_outlines_or_of_several_colours_are_no_solid_blocks(
+    colours, stroke, written
+):
+    rooms = [
+        f'<rect x="{x}" y="1" width="4" height="5" fill="{colour}"/>'
+        for x, colour in zip((1, 5, 9), colours, strict=True)
+    ]
+    sheet = f'<svg width="15m" height="8m" viewBox="0 0 15 8" stroke="{stroke}" stroke-width=".02">'
     assert lengths(
         read_plan(written("a.svg", f"{sheet}{''.join(rooms)}</svg>")).segments
     ).sum() == pytest.approx(44, abs=0.1)

@@ -93,11 +93,17 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
          '</svg>', (0.7, 0.7), (1.8, 1.8)),
         # The paper may be dark.
         ('<rect width="10" height="10" fill="#123"/><path d="M1 1h4v4" fill="none" stroke="#fff"'
-         ' stroke-width=".1"/>', (1, 0.95), (5.05, 5)),
+         ' stroke-width=".1"/>', (1, 1), (5, 5)),
+        ('<path d="M1 1h4v4" fill="none" stroke="#fff" stroke-width=".1"/>', (1, 1), (5, 5)),
         # What later areas cover is not seen, nor is what a clip or a mask cuts off.
         ('<path d="M0 1h9" stroke="#000" stroke-width=".1"/>'
          '<rect x="5" width="5" height="5" fill="white"/>',
          (0, 1), (5, 1)),
+        # Other programs write colours for light and dark pages, by variables, and of three shares.
+        ('<path d="M0 1h9" stroke="var(--page)" stroke-width=".1"/><g style="--paper: var(--own);'
+         ' --own: color(display-p3 1 1 1)"><rect x="3" width="3" height="5" fill="var(--paper)"/>'
+         '</g><rect x="6" width="4" height="5" fill="#000" style="fill: light-dark(rgb(255, 255,'
+         ' 255), var(--dark, #121212))"/>', (0, 1), (3, 1)),
         ('<clipPath id="c"><rect width="3" height="9"/></clipPath>'
          '<g clip-path="url(#c)"><path d="M1 1h8" stroke="#000" stroke-width=".1"/></g>',
          (1, 1), (3, 1)),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from lrf3d.base.errors import Lrf3dNote, WorldError
+from lrf3d.geometry.lines import lengths
 from lrf3d.world import World, load_world, save_world
 from lrf3d.world.towns.features import EARTH_RADIUS
 from lrf3d.world.towns.osm import DEFAULT_TREE, is_building, tag_height, tree_height, trunk_radius
@@ -31,11 +32,10 @@ def way(number, *nodes, **tags):
     return f'<way id="{number}">{points}{of_tags(tags)}</way>'
 
 
-def multipolygon(*members):
+def multipolygon(*members, **tags):
     rows = "".join(f'<member type="way" ref="{n}" role="{role}"/>' for n, role in members)
-    return (
-        f'<relation id="1">{rows}{of_tags({"type": "multipolygon", "building": "yes"})}</relation>'
-    )
+    tags = {"type": "multipolygon", **(tags or {"building": "yes"})}
+    return f'<relation id="1">{rows}{of_tags(tags)}</relation>'
 
 
 def osm(folder, body, **how):
@@ -101,6 +101,15 @@ def test_a_multipolygon_keeps_its_courtyard(tmp_path):
     whole = multipolygon((1, "outer"), (2, "outer"), (3, "inner"), (99, "outer"))
     world = osm(tmp_path, ways + whole)
     assert len(world.segments) == 8 and world.object_count == 1
+
+
+def test_a_room_with_a_courtyard_and_the_building_around_it_share_their_walls(tmp_path):
+    room = multipolygon((5, "outer"), (6, "inner"), indoor="room", level="0")
+    ways = way(5, 0, 1, 9, 2, 3, 0) + way(6, 4, 5, 6, 7, 4)
+    shell = way(7, 0, 1, 9, 2, 3, 0, building="yes") + node(9, (30, 10), entrance="main")
+    world = osm(tmp_path, ways + room + shell)
+    # The entrance is 0.9 m wide.
+    assert lengths(world.segments).sum() == pytest.approx(100 + 40 - 0.9, abs=0.01)
 
 
 def test_places_within_ways_and_relations_are_read(tmp_path):

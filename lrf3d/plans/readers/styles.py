@@ -1,10 +1,28 @@
-"""Style sheets of SVG drawings: the properties that they give to elements."""
+"""Style sheets of SVG drawings: the properties that they give to elements, and their colours."""
 
 import re
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import cssselect2
+import svgelements
 import tinycss2
+
+# Properties that an element takes over from those around it.
+INHERITED = frozenset(
+    "fill stroke stroke-width stroke-linecap stroke-dasharray visibility color fill-rule clip-rule"
+    " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
+)
+
+# Matches the use of a variable, with a value in place of one that is not set.
+VARIABLE = re.compile(r"var\(\s*(--[\w-]+)\s*(?:,\s*((?:[^()]|\([^()]*\))*))?\)")
+
+# Variables whose values are variables.
+DEEPEST = 4
+
+# Matches a choice of two colours, on light paper and on dark, and a colour of three shares.
+LIGHT = re.compile(r"light-dark\(\s*((?:[^(),]|\([^()]*\))*),.*\)")
+SHARES = re.compile(r"color\(\s*[\w-]+\s+([\d.]+)\s+([\d.]+)\s+([\d.]+)(?=[\s/)])[^)]*\)")
 
 
 def style_sheet(root: Element) -> dict[Element, dict[str, str]]:
@@ -43,3 +61,37 @@ def declarations(text: str) -> dict[str, str]:
 def overruled(one: dict[str, str], other: dict[str, str]) -> dict[str, str]:
     """Declarations, overruled by others unless they are important and those are not."""
     return one | {k: v for k, v in other.items() if "!" in v or "!" not in one.get(k, "")}
+
+
+def within(outer: dict[str, str], own: dict[str, str]) -> dict[str, str]:
+    """The style of an element with its own properties within another style."""
+    style = {k: v for k, v in outer.items() if k in INHERITED or k.startswith("--")}
+    style |= {k: v for k, v in own.items() if v != "inherit"}
+    for _ in range(DEEPEST):
+        if any("var(" in value for value in style.values()):
+            style = _resolved(style)
+    return style
+
+
+def _resolved(style: dict[str, str]) -> dict[str, str]:
+    """A style with the values of its variables; properties that have none are dropped."""
+
+    def value(key: str) -> str:
+        # The page around a drawing may set the colour of lines: unknown, it is black.
+        unset = 0 if key == "stroke" else 2
+        return VARIABLE.sub(lambda use: style.get(use[1], use[unset] or ""), style[key])
+
+    return {key: found for key in style if (found := value(key))}
+
+
+def painted(text: str) -> Any:
+    """A colour, for svgelements: whole numbers between commas, and no alpha in percent."""
+    text = LIGHT.sub(r"\1", text)
+    if shares := SHARES.match(text):
+        text = f"rgb({','.join(f'{100 * float(share):g}%' for share in shares.groups())})"
+    text = re.sub(r"/\s*(\d+)%", lambda alpha: f"/{float(alpha[1]) / 100:f}", text)
+    text = re.sub(r"(?<=[\d%])[\s/]+(?=[\d.])", ",", text)
+    if re.match(r"rgba?\([^%]+$", text):
+        channel = r"\d*\.?\d+(?:[eE][-+]?\d+)?"
+        text = re.sub(channel, lambda number: f"{float(number[0]):.0f}", text, count=3)
+    return svgelements.Color(text)

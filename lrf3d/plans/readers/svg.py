@@ -36,7 +36,7 @@ from lrf3d.plans.canvas import (
     is_area,
     scale_of,
 )
-from lrf3d.plans.readers.styles import declarations, overruled, style_sheet
+from lrf3d.plans.readers.styles import declarations, overruled, painted, style_sheet, within
 from lrf3d.plans.scale import sheet_scales
 
 # A pixel [m]: the unit of lengths that name none.
@@ -47,12 +47,6 @@ UNITS = {
     "": PIXEL, "px": PIXEL, "m": 1.0, "cm": METRES["cm"], "mm": METRES["mm"], "q": METRES["mm"] / 4,
     "in": INCH, "pt": POINT, "pc": 12 * POINT, "em": 16 * PIXEL,
 }  # fmt: skip
-
-# Properties that an element takes over from those around it.
-INHERITED = frozenset(
-    "fill stroke stroke-width stroke-linecap stroke-dasharray visibility color fill-rule clip-rule"
-    " fill-opacity stroke-opacity marker-start marker-mid marker-end".split()
-)
 
 # Properties of styles that move what they are set for, unless they have one of these values.
 MOVES = ("translate", "rotate", "scale")
@@ -123,6 +117,7 @@ def draw(path: Path, scale: float | PerUnit) -> Canvas:
     up[1, 2] = scale * PIXEL * height
     sheet = sheet._replace(matrix=up @ sheet.matrix)
     painter.children(root, painter.state(root, sheet, transformed=False))
+    canvas.find_paper()
     canvas.pictured /= width * height * (scale * PIXEL) ** 2
     for element, defined in painter.items(root):
         canvas.held += 1
@@ -145,8 +140,7 @@ class _ElementPainter(NamedTuple):
         declared = overruled(self.sheet.get(element, {}), declarations(element.get("style", "")))
         own |= {key: value.partition("!")[0].strip() for key, value in declared.items()}
         _refuse_moves({key: own[key] for key in declared})
-        style = {k: v for k, v in outer.style.items() if k in INHERITED}
-        style |= {k: v for k, v in own.items() if v != "inherit"}
+        style = within(outer.style, own)
         names, layer = _named(_tag(element), own, outer)
         state = outer._replace(
             style=style,
@@ -265,7 +259,7 @@ class _ElementPainter(NamedTuple):
         rings = _outline(_tag(element), state, canvas.tolerance)
         dashed = style.get("stroke-dasharray", "none")
         paints = (style.get(key, "none") for key in ("stroke", "fill"))
-        drawn = _paint(next(filter(_is_plain, paints), ""))
+        drawn = painted(next(filter(_is_plain, paints), ""))
         mark = Mark(
             None,
             state.layer,
@@ -468,21 +462,11 @@ def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[
     text = style.get("color", "black") if text.lower() == "currentcolor" else text
     if "url(" in text:
         return UNKNOWN, alpha
-    colour = _paint(text)
+    colour = painted(text)
     if text == "none" or colour.value is None:
         return 0.0, 0.0
     alpha *= colour.alpha / WHITE * _share(style.get(f"{key}-opacity", "1"))
     return alpha * contrast_to_white(colour.red, colour.green, colour.blue), alpha
-
-
-def _paint(text: str) -> Any:
-    """A colour, for svgelements: whole numbers between commas, and no alpha in percent."""
-    text = re.sub(r"/\s*(\d+)%", lambda alpha: f"/{float(alpha[1]) / 100:f}", text)
-    text = re.sub(r"(?<=[\d%])[\s/]+(?=[\d.])", ",", text)
-    if re.match(r"rgba?\([^%]+$", text):
-        channel = r"\d*\.?\d+(?:[eE][-+]?\d+)?"
-        text = re.sub(channel, lambda number: f"{float(number[0]):.0f}", text, count=3)
-    return svgelements.Color(text)
 
 
 def _is_for_all(choice: Element) -> bool:

@@ -52,7 +52,7 @@ FORMATS = {
         codec_options={
             "preset": "superfast",
             "x264-params": "rc-lookahead=8:mbtree=1:subme=0",
-            "crf": "26.9",
+            "crf": "26.2",
             "bf": "0",
             # The processes that draw take all other cores.
             "threads": "1",

@@ -1,6 +1,6 @@
 """Film: the pictures of a run, one for each time asked for, and the options of all films.
 
-Text and the frame of the inset are laid over what a renderer draws.
+Text stands in a band under what a renderer draws, and maps in a strip beside both.
 """
 
 from collections.abc import Collection, Mapping
@@ -18,7 +18,7 @@ from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
 from lrf3d.studio.render.beside import LETTER, Comparison, MapBeside, together
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
-from lrf3d.studio.render.text import LINE, gap_of, lay_label, scale_of, stacked
+from lrf3d.studio.render.text import LINE, band_of, banded, gap_of, scale_of, stacked
 from lrf3d.studio.scene import panel
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
@@ -72,8 +72,6 @@ class FilmOptions:
     goal: Goal | None = None
     # What is said of maps that are compared.
     title: str = ""
-    # Whether times follow that a story leaps over.
-    leaps: bool = True
 
     def of(self, run: Run) -> "FilmOptions":
         """These options, where the run and the machine choose what is not given.
@@ -182,24 +180,28 @@ class Film:
         self.maps = self._maps_in(room, chosen, colours)
         # Width of the strip with the map [pixels], in which nothing else is drawn.
         self._strip = bool(self.maps) * (not others) * (room[0] + 2 * self._gap)
-        self._size = chosen.size
+        width, height = chosen.size
+        # Height of the band of text under the picture [pixels].
+        self._band = band_of(chosen.size) * ("hud" in chosen.layers)
+        # What is left of the height is the scene's.
+        self._size = width, height - self._band
         self.renderer = _renderer(self.scene.stage, self._size, chosen)
         # What shows one map draws it, too; of several, each is on what its own robot has seen.
         self._drawers = [
-            _renderer(each.stage, self._size, chosen) for each in (others or self._scenes).values()
+            _renderer(each.stage, chosen.size, chosen) for each in (others or self._scenes).values()
         ] or [self.renderer]
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         if isinstance(self.camera, Story):
-            self.camera.leaps = chosen.leaps
             self.camera.names = [*self._scenes]
             # The maps of several robots stay.
-            self.camera.widens = (not self._scenes) * self._size[0] / self._size[1]
+            self.camera.widens = (not self._scenes) * width / self._size[1]
 
     def _lay_out(self, chosen: FilmOptions) -> tuple[int, int]:
         """Choose the letters and the gaps round maps; the room for one of them [pixels]."""
         width, height = chosen.size
         self._gap = gap_of(chosen.size)
-        self._letter = scale_of(chosen.size) * LETTER
+        self._scale = scale_of(chosen.size)
+        self._letter = self._scale * LETTER
         head = round(LINE * self._letter) + self._gap
         # Each map has a name and a number; a legend and a scale stand under all.
         count = max(1, len(self._scenes))
@@ -232,8 +234,10 @@ class Film:
         shine = [mark for each in [*self._scenes.values()][1:] for mark in each.shine(time)]
         seen = seen._replace(columns=columns, marks=(*seen.marks, *shine))
         picture: Pixels = self.renderer.draw(seen)
-        if "hud" in self._layers:
-            lay_label(picture, self._label(moment, view))
+        if self._band:
+            room = columns, self._band
+            text = banded(self._label(moment, view), room, self._scale)
+            picture = np.vstack([picture, text])
         return picture if columns == width else self._beside(picture, time)
 
     def _label(self, moment: Moment, view: Look) -> Label:
@@ -267,8 +271,9 @@ class Film:
         """A picture (h, w, 3) with the maps of a time [s] in the strip beside it."""
         maps = zip(self.maps, self._drawers, strict=True)
         rows = [row for each, renderer in maps for row in each.rows(time, renderer.plan)]
-        width, height = self._size
-        strip = stacked([*rows, *self.maps[0].legend()], (self._strip, height), self._gap)
+        width, _ = self._size
+        room = self._strip, picture.shape[0]
+        strip = stacked([*rows, *self.maps[0].legend()], room, self._gap)
         # What leaves the picture leaves it to the right.
         return np.hstack([picture, strip[:, : width - picture.shape[1]]])
 
@@ -299,7 +304,7 @@ def _renderer(stage: Stage, size: tuple[int, int], options: FilmOptions) -> Any:
 
 def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
-    chosen = FilmOptions(**options, leaps=False).of(run)
+    chosen = FilmOptions(**options).of(run)
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
     timeline = Timeline(run, playback=chosen.playback)

@@ -1,4 +1,4 @@
-"""Text in pictures: rows of words in their colours, over a picture or on the ground of maps."""
+"""Text of pictures: rows of words in their colours, in a band under them or beside their maps."""
 
 from functools import cache, lru_cache
 from importlib.util import find_spec
@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from lrf3d.studio.scene.look import PLAN_BACK, TINY, WHITE, scale
+from lrf3d.studio.scene.look import PLAN_BACK, scale
 from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
-from lrf3d.studio.scene.timeline import smoothed
 
 # Height of a line in letters.
 LINE = 1.36
@@ -30,14 +29,17 @@ _LEAST_SCALE = 0.47
 # Height of letters from which on text is legible; smaller text is left out [pixels].
 _LEAST_LETTER = 6.5
 
-# Largest share of the height of a picture that text may cover; more is left out.
-_MOST_COVERED = 0.5
+# Height of the band of text under a picture [pixels of 720 lines].
+_BAND = 132
 
-# Share of the picture's light that is taken in the corner under text.
-_DARKEST = 0.74
+# Its largest share of the smaller side of a small picture.
+_MOST_COVERED = 0.3
 
-# Size of the darkened corner, in the text's.
-_SHADED = 1.6
+# Its least height, with one legible line [pixels].
+_LEAST_BAND = 16
+
+# Free border of the text, in the height of the band.
+_MARGIN = 0.12
 
 # Words and their colours, 0…255.
 Words = tuple[tuple[str, tuple[int, ...]], ...]
@@ -101,51 +103,21 @@ def _rows(label: Label) -> list[Words]:
     return [tuple(line for _, line in group) for _, group in groups]
 
 
-@lru_cache(maxsize=16)
-def _label(label: Label, size: tuple[int, int]) -> tuple[Image.Image, Image.Image] | None:
-    """Text on a soft gradient, in the lower left corner of a picture of a size [pixels].
+def band_of(size: tuple[int, int]) -> int:
+    """Height of the band of text under a picture of a size; 0 where no text would be legible."""
+    high = round(min(_BAND * scale_of(size), _MOST_COVERED * min(size)))
+    return high * (high >= _LEAST_BAND)
 
-    Its colours, and how much of the picture under it they cover; None if its head has no room.
-    """
-    gap = gap_of(size)
+
+def banded(label: Label, size: tuple[int, int], scale: float) -> Pixels:
+    """A band of text (h, w, 3) of a size [pixels]; letters are scaled, and smaller where many."""
     rows = _rows(label)
-    letters = scale_of(size) * label.size * np.array([1.0] + [_LESSER] * (len(rows) - 1))
+    width, height = size
+    gap = round(_MARGIN * height)
+    letters = scale * label.size * np.array([1.0] + [_LESSER] * (len(rows) - 1))
+    letters *= min(1.0, (height - gap) / (LINE * letters.sum()))
     drawn = [
-        row_of(words, letter, size[0] - 2 * gap, _APART)
-        for words, letter in zip(rows, letters.tolist(), strict=True)
+        row_of(words, each, width - 2 * gap, _APART)
+        for words, each in zip(rows, letters.tolist(), strict=True)
     ]
-    high = sum(row.height for row in drawn)
-    # Facts without their sentence say nothing.
-    if not (drawn[0].height and high <= _MOST_COVERED * size[1]):
-        return None
-    wide = max(row.width for row in drawn)
-    shape = round(_SHADED * wide), round(_SHADED * high) + gap
-    x, y = (np.arange(side) / side for side in shape)
-    shade = _DARKEST * np.outer(smoothed(y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
-    # The fourth channel is how much of a pixel the letters cover.
-    picture = Image.new("RGBA", shape)
-    top = shape[1] - gap - high
-    for row in drawn:
-        picture.paste(row, (gap, top))
-        top += row.height
-    shade = shade[-size[1] :, : size[0]]
-    letters = np.asarray(picture)[-size[1] :, : size[0]]
-    inked = letters[..., 3] > 0
-    *colours, letter = letters[inked].T / WHITE
-    share = 1.0 - (1.0 - shade[inked]) * (1.0 - letter)
-    cover = np.rint(WHITE * shade).astype(np.uint8)
-    cover[inked] = np.rint(WHITE * share)
-    tint = np.zeros_like(letters[..., :3])
-    tint[inked] = np.rint(WHITE * (np.stack(colours) * (letter / np.maximum(share, TINY))).T)
-    return Image.fromarray(tint), Image.fromarray(cover)
-
-
-def lay_label(picture: Pixels, label: Label) -> None:
-    """Lay text over the lower left corner of a picture, on a soft gradient."""
-    laid = _label(label, picture.shape[1::-1])
-    if laid is not None:
-        tint, cover = laid
-        part = picture[-tint.height :, : tint.width]
-        under = Image.fromarray(part)
-        under.paste(tint, mask=cover)
-        part[:] = np.asarray(under)
+    return stacked(drawn, size, gap)

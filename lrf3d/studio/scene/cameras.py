@@ -1,9 +1,7 @@
 """The cameras of a film: those that move with the robot, fixed ones, and the overview."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import product
 
 import numpy as np
 import shapely
@@ -35,17 +33,8 @@ _FIRST_UP = 0.09
 # Height of the eye of that view over the laser [m], above the bands of the map.
 _FIRST_OVER = 0.36
 
-# Share of the picture's height that is free above the whole.
-_FREE_ABOVE = 0.05
-
-# Share of the picture's height that is free below the whole, for text.
-_FREE_BELOW = 0.06
-
-# The same share where the text is a card.
-CARD = 0.16
-
-# Share of what is left of the picture that the world fills.
-_FILL = 0.94
+# Share of the picture that the world fills.
+_FILL = 0.89
 
 # Ratio of length and width of a world that is turned to fit better.
 _LONG = 1.2
@@ -65,9 +54,6 @@ _SIDES = np.radians(np.arange(-110.0, 0.0, 5.0))[:, None]
 
 # Share of an overview's worth that it loses if the robot is hidden in the end.
 _HIDDEN = 0.6
-
-# The same for each radian by which it is away from the one before.
-_FAR_ROUND = 0.1
 
 # Angular speed of an overview [rad/s of the film].
 DRIFT = np.radians(1.2)
@@ -173,17 +159,13 @@ class Fixed:
 def overview(
     timeline: Timeline,
     structures: Structures,
-    free_below: float = _FREE_BELOW,
     at: float | None = None,
     drift: float = DRIFT,
-    steeps: Sequence[float] = (),
-    after: PathCamera | None = None,
 ) -> PathCamera:
     """Shows the whole world from its best side, and drifts slowly round it [rad/s of the film].
 
-    It reaches that side at a given time [s] of a story, or else in the middle of the run. It may
-    look down as steeply as fills the picture best [rad], and not turn far from another one that
-    comes before. In the end it sees the robot.
+    It reaches that side at a given time [s] of a story, or else in the middle of the run. In the
+    end it sees the robot.
     """
     corners = corners_of(timeline, structures)
     passed = np.linspace(-_LONGEST, _LONGEST, 9)
@@ -194,22 +176,16 @@ def overview(
 
     @cache
     def track(aspect: float) -> CameraPath:
-        shape = _FIELD, aspect, free_below
-        usual = structures.setting.steep if aspect > 1.0 else _UPRIGHT
-        tracks = [
-            fitted(corners, times[:1], side, steep, *shape)
-            for side, steep in product(_SIDES, steeps or [usual])
-        ]
+        steep = structures.setting.steep if aspect > 1.0 else _UPRIGHT
+        shape = steep, _FIELD, aspect
+        tracks = [fitted(corners, times[:1], side, *shape) for side in _SIDES]
         # From where the ground takes the most of the picture, and no wall hides the robot.
         eyes = np.array([track.eyes() for track in tracks])
         ground = np.array([np.sin(track.steeps[0]) / track.aways[0] ** 2 for track in tracks])
         hidden = structures.hides(eyes, last, timeline.run.radius, structures.tops)
         worth = ground * (1.0 - _HIDDEN * hidden)
-        if after is not None:
-            sides = np.array([track.turns.item() for track in tracks])
-            worth *= 1.0 - _FAR_ROUND * np.abs(sides - after.track(aspect).at(times).turns.mean())
         best = tracks[int(np.argmax(worth))]
-        return fitted(corners, times, best.turns + drift * passed, best.steeps.item(), *shape)
+        return fitted(corners, times, best.turns + drift * passed, *shape)
 
     return PathCamera(track, {"cuts": True, "dusk": 1.0, "shot": "whole"})
 
@@ -223,7 +199,7 @@ def top(timeline: Timeline, structures: Structures) -> PathCamera:
     def track(aspect: float) -> CameraPath:
         turned = (wide > tall) != (aspect > 1.0) and max(wide, tall) > _LONG * min(wide, tall)
         turn = np.array([np.pi if turned else -0.5 * np.pi])
-        found = fitted(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
+        found = fitted(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect)
         return found._replace(aways=found.aways + float(structures.heights.max(initial=0.0)))
 
     return PathCamera(track, {"shows_map": True, "inset": 0.0, "shot": "whole"})
@@ -268,11 +244,10 @@ def fitted(
     steep: float,
     field: float,
     aspect: float,
-    free_below: float,
 ) -> CameraPath:
     """Looks from sides (k,) [rad], that steep [rad], that show corners (n, 3) as large as fits."""
     found = []
-    room = _FILL * np.tan(0.5 * field) * np.array([aspect, 1.0 - _FREE_ABOVE - free_below])
+    room = _FILL * np.tan(0.5 * field) * np.array([aspect, 1.0])
     for turn in turns:
         level = np.cos(steep)
         back = np.array([np.cos(turn) * level, np.sin(turn) * level, np.sin(steep)])
@@ -289,7 +264,5 @@ def fitted(
             middle = middle + axes @ (0.5 * away * (seen.max(axis=0) + seen.min(axis=0)))
         found.append((*middle, away))
     *place, aways = np.array(found).T
-    steeps, fields, shifts = (
-        np.full(len(turns), each) for each in (steep, field, free_below - _FREE_ABOVE)
-    )
+    steeps, fields, shifts = (np.full(len(turns), each) for each in (steep, field, 0.0))
     return CameraPath(times, np.column_stack(place), turns, steeps, aways, fields, shifts)

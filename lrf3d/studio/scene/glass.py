@@ -39,6 +39,9 @@ REFLECTED_COLOUR = look.MATERIAL_COLOURS["retro"]
 # Distance from a pane or a robot within which a beam ends there [m]: more than usual noise.
 _AT_PANE = 0.1
 
+# The same of a place without a wall from a beam that goes through [m].
+_AT_PLACE = 0.2
+
 # Width of the parts of a front of glass [m].
 _BAY = 1.3
 
@@ -50,6 +53,9 @@ _FRESNEL = 0.45
 
 # Opacity of the gleam in the upper corner of each part, which fades towards the others.
 _GLEAM = 0.14
+
+# Opacity that a pane gains as it comes into the map.
+_KNOWN = 0.22
 
 # Share of the opacity that panes have in the dark.
 _UNLIT = 0.3
@@ -89,6 +95,8 @@ class Panes(NamedTuple):
     normals: Float
     # (n,) when the laser first met each [lengths of the run]; +inf for never.
     seen: Float
+    # (n,) when it came into the map, likewise.
+    mapped: Float
     # The posts between them, and the edges of mirrors.
     edges: Lines
 
@@ -116,10 +124,12 @@ class Panes(NamedTuple):
         )
         corners = np.stack([foot, far, c, d], axis=1)[: len(a)]
         seen = np.full(len(a), -np.inf)
+        mapped = np.full(len(a), np.inf)
         if exposure is not None:
             found = exposure.sampled(0.5 * (a + b))
             seen = np.where(found["sure"] > 0.5, found["seen"], np.inf)
-        return cls(corners, directions(np.hstack([a, b])) @ LEFT, seen, edges)
+            mapped = found["mapped"]
+        return cls(corners, directions(np.hstack([a, b])) @ LEFT, seen, mapped, edges)
 
     def faces(self, eye: Float, now: float) -> Soft:
         """The panes from an eye (3,) at a time [lengths of the run]: opaque only at grazing angles.
@@ -130,8 +140,11 @@ class Panes(NamedTuple):
         flat = np.einsum("nki,ni->nk", way[..., :2], self.normals)
         cosine = np.abs(flat) / np.maximum(np.linalg.norm(way, axis=2), look.TINY)
         alpha = look.PANE + _FRESNEL * (1.0 - cosine) ** 5 + _GLEAM * np.array([0.0, 0.0, 0.3, 1.0])
+        known = (self.mapped <= now)[:, None]
         alpha *= np.where(self.seen <= now, 1.0, _UNLIT)[:, None]
-        tint = np.broadcast_to(look.MATERIAL_COLOURS["glass"], (*alpha.shape, 3))
+        alpha += _KNOWN * known
+        tint = np.where(known[..., None], THROUGH_COLOUR, look.MATERIAL_COLOURS["glass"])
+        tint = np.broadcast_to(tint, (*alpha.shape, 3))
         order = [0, 1, 2, 0, 2, 3]
         colours = np.dstack([tint, alpha])[:, order].reshape(-1, 3, 4)
         return Soft(single(self.corners[:, order].reshape(-1, 3, 3)), single(colours))
@@ -139,10 +152,15 @@ class Panes(NamedTuple):
 
 def at_glass(world: World, starts: Float, ends: Float) -> tuple[Bool, Bool]:
     """Which beams from (n, 2) to hits (n, 2) went through glass, and which came back from it."""
-    panes = _PANES.of(world, partial(_panes, world))
+    panes = panes_of(world)
     back = shapely.dwithin(panes, shapely.points(ends), _AT_PANE)
     ways = shapely.linestrings(np.stack([starts, ends], axis=1))
     return shapely.intersects(panes, ways) & ~back, back
+
+
+def panes_of(world: World) -> shapely.Geometry:
+    """All walls of glass of a world."""
+    return _PANES.of(world, partial(_panes, world))
 
 
 def _panes(world: World) -> shapely.Geometry:
@@ -210,6 +228,16 @@ def _telling(run: Shown, number: int) -> list[TellingBeams]:
         words = f"back from {counted(len(bright), 'reflector')}"
         found.append(TellingBeams(words, ends[bright], REFLECTED_COLOUR))
     return found
+
+
+def beams_through(run: Shown, number: int, places: Float) -> TellingBeams:
+    """The beams of a scan that go through places (n, 2) without a wall."""
+    scan = unrolled(run.scans_at(number)[0])
+    ends = scan.points()
+    ways = shapely.linestrings(np.stack([np.broadcast_to(scan.pose[:2], ends.shape), ends], axis=1))
+    through = shapely.dwithin(ways, shapely.multipoints(places), _AT_PLACE)
+    words = f"{counted(int(through.sum()), 'beam')} through it"
+    return TellingBeams(words, ends[through], THROUGH_COLOUR)
 
 
 def some_beams(apex: Float, beams: TellingBeams, origin: Float, height: float) -> Lines:

@@ -14,6 +14,7 @@ from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, leng
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.studio.scene import look
+from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.shapes import Lines, Points, Soft, level_lines, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure
@@ -90,6 +91,12 @@ _NAMED_SIZE = 0.2
 
 # Number of corners of an ellipse as drawn.
 CORNERS = 48
+
+# Half the width of ribbons, in the distance of the eye.
+_RIBBON = 0.004
+
+# Height of pins, likewise.
+_PIN = 0.018
 
 # What legends call the trail of where the robot was.
 TRUTH = "truth"
@@ -336,6 +343,28 @@ def trail_lines(
         opacities,
         look.BOLD,
     )
+
+
+def ribbons(segments: Float, height: float, colour: look.Colour, view: Look) -> Soft:
+    """Ribbons of one colour along segments (n, 4) at a height [m], which nothing hides."""
+    start, end = np.hsplit(segments, 2)
+    aside = _RIBBON * view.away * directions(segments) @ LEFT
+    quads = np.stack([start + aside, end + aside, end - aside, start - aside], axis=1)
+    corners = np.insert(quads[:, [0, 1, 2, 0, 2, 3]], 2, height, axis=2)
+    return _laid_over(corners.reshape(-1, 3, 3), colour)
+
+
+def pins(places: Float, height: float, colour: look.Colour, view: Look) -> Soft:
+    """Pins of one colour that point at places (n, 2) at a height [m], which nothing hides."""
+    tips = np.insert(places, 2, height, axis=1)
+    right, up, _ = _PIN * view.away * view.pose[:3, :3].T
+    return _laid_over(np.stack([tips, tips + up - right, tips + up + right], axis=1), colour)
+
+
+def _laid_over(corners: Float, colour: look.Colour) -> Soft:
+    """Triangles (n, 3, 3) of one colour over all else."""
+    colours = np.tile([*colour, 1.0], (len(corners), 3, 1))
+    return Soft(single(corners), single(colours), on_top=True)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

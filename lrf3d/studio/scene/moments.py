@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.base.latest import Latest
-from lrf3d.geometry.lines import LEFT, Float, directions, lengths
+from lrf3d.geometry.lines import Float, lengths
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import bodies, look
 from lrf3d.studio.scene.camera import Look
@@ -22,7 +22,15 @@ from lrf3d.studio.scene.drift import Astray, Drift
 from lrf3d.studio.scene.found import lost_after
 from lrf3d.studio.scene.glass import Panes, bounced, some_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
-from lrf3d.studio.scene.marks import TRAIL_FADE, DrawnEstimate, DrawnMap, draw_beams, trail_lines
+from lrf3d.studio.scene.marks import (
+    TRAIL_FADE,
+    DrawnEstimate,
+    DrawnMap,
+    draw_beams,
+    pins,
+    ribbons,
+    trail_lines,
+)
 from lrf3d.studio.scene.shapes import (
     ON_TOP,
     Inset,
@@ -81,12 +89,6 @@ _LASER_TINTS = np.array(
 
 # How much wider walls are that have the colour of their robot: of those, some are lost.
 _CLEARER = 1.5
-
-# Half the width of ribbons along walls that the map misses, in the distance of the eye.
-_RIBBON = 0.004
-
-# Height of the pins that point at these, likewise.
-_PIN = 0.018
 
 # Number of pins at most, at the longest of these walls: more would hide the map.
 _PINS = 8
@@ -236,7 +238,7 @@ class Scene:
             ("beams", "beams", beams),
             *telling,
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
-            ("map", "lost", self._lost(moment, view)),
+            *self._pinned(moment, view),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
             *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
@@ -385,24 +387,22 @@ class Scene:
             turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
             yield "beams", "turned beam", turned
 
-    def _lost(self, moment: Moment, view: Look) -> Soft | None:
-        """Ribbons along the walls that the map misses in the end, with some pins, on top."""
+    def _pinned(self, moment: Moment, view: Look) -> Iterator[tuple[str, str, Mark]]:
+        """In the end, pins at what the story was about, and at the walls that the map misses."""
+        if view.shot != "end":
+            return
+        subject = subject_of(self.run, self.timeline.playback)
+        pinned = subject.pinned - self.origin
+        yield "map", "pinned", pins(pinned, self._height, look.PINS, view)
         # Robots share their walls.
-        if view.shot != "end" or self._robots:
-            return None
+        if self._robots:
+            return
         missed = [lost_after(run, moment.mapped) for run in self.judged]
         lost = np.unique(np.concatenate(missed), axis=0) - np.tile(self.origin, 2)
         lost = lost[np.argsort(-lengths(lost), kind="stable")]
-        start, end = np.hsplit(lost, 2)
-        aside = _RIBBON * view.away * directions(lost) @ LEFT
-        quads = np.stack([start + aside, end + aside, end - aside, start - aside], axis=1)
-        ribbons = np.insert(quads[:, [0, 1, 2, 0, 2, 3]], 2, self._height, axis=2)
-        tips = np.insert(0.5 * (start + end)[:_PINS], 2, self._height, axis=1)
-        right, up, _ = _PIN * view.away * view.pose[:3, :3].T
-        pins = np.stack([tips, tips + up - right, tips + up + right], axis=1)
-        corners = np.concatenate([ribbons.reshape(-1, 3, 3), pins])
-        colours = np.tile([*look.FALSE_COLOUR, 1.0], (len(corners), 3, 1))
-        return Soft(single(corners), single(colours), on_top=True)
+        yield "map", "lost", ribbons(lost, self._height, look.FALSE_COLOUR, view)
+        middles = lost[:_PINS].reshape(-1, 2, 2).mean(axis=1)
+        yield "map", "lost pins", pins(middles, self._height, look.FALSE_COLOUR, view)
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""

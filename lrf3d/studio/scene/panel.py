@@ -151,10 +151,11 @@ def _card(run: Run, playback: float) -> Label:
     lost = lost_words(run)
     missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
-    told = [(subject.found, INK)] * bool(subject.found)
+    pins = f"{PINNED} " * bool(len(subject.pinned))
+    told = [(pins + subject.found, INK)] * bool(subject.found)
     colour = PALE if told else INK
     drifted = [(words, whole(tint)) for words, tint in _drifted(run, np.inf)]
-    return _label([*told, (found, colour), *missed, *drifted, (rest, PALE)])
+    return _label([*told, (found, colour), *missed, *drifted, (rest * (not told), PALE)])
 
 
 def _drifted(run: Run, time: float) -> list[tuple[str, look.Colour]]:
@@ -180,18 +181,9 @@ def _trails(
         found += [(f"━ {name}", colour) for name, colour in zip(names, colours, strict=False)]
     found += _drifted(run, moment.time)
     found += _beams(run, moment, playback, shot) if moment.mapped >= 0 else []
-    found += _removed(run, moment, playback)
     red, green, blue = HEIGHT_COLOURS[1].tolist()
     found += [("━ points of a lidar", (red, green, blue))] * bool(run.cloud_sensors.lidars)
     return [(words.rstrip(), whole(colour)) for words, colour in found]
-
-
-def _removed(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
-    """Words on the false walls of a moment, if the last map has none; not where more is red."""
-    gone = false_after(run, moment.mapped) and not false_after(run, len(run) - 1)
-    more = robots_of(run.obstacles) or subject_of(run, playback).proof
-    words = "━ not a wall: later scans remove it"
-    return [(words, look.FALSE_COLOUR)] if gone and not more else []
 
 
 def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[str, look.Colour]]:

@@ -131,7 +131,7 @@ PINNED = "▼"
 
 
 class Label(NamedTuple):
-    """Lines of text in the lower left corner, of which the first is the largest."""
+    """Lines of text under a picture, of which the first is the largest."""
 
     text: tuple[str, ...]
     # The colour of each line, 0…255.

@@ -83,6 +83,9 @@ _CHOSEN = 0.6
 # Number of moments of a run at which it is rated how much happens.
 _MOMENTS = 400
 
+# Share of all changes of a map from which on it is as good as whole.
+_MOST = 0.9
+
 # Number of map snapshots that are compared; a long run has thousands.
 _SNAPSHOTS = 120
 
@@ -119,13 +122,17 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
             first = min(first, before)
     opened = timeline.start + playback * first
     longer = (_SLOWER - 1.0) * (proven > opened)
-    # A proof takes its time from the rise and from what follows.
-    filling = scale * FILLING / (1.0 + longer)
-    rise = scale * RISE / (1.0 + longer)
-    spared = scale * (FILLING + RISE) - filling - rise
-    free = max(length - fixed, scale * _SHOT) + spared
+    # What takes more than a moment takes its time from the rise and from what follows.
+    faster = 1.0 + longer * (subject.since is not None)
+    filling = scale * FILLING / faster
+    rise = scale * RISE / faster
+    free = max(length - fixed, scale * _SHOT) + scale * (FILLING + RISE) - filling - rise
     count = max(1, round(free / _SHOT - longer))
     each = free / (count + longer)
+    # When the map is as good as whole, the rest is seen fast, from above.
+    if length <= LENGTH and subject.since is None:
+        needed = np.ceil((_settled(timeline) - opened) / (playback * each))
+        count = max(1, min(count, int(needed)))
     closing = scale * (CLOSING - FILLING) + filling
     part = min(each, _PROVEN) if longer else each
     shown = (count - 1) * each + part + rise + filling
@@ -224,6 +231,13 @@ def _news(timeline: Timeline, times: Float) -> Float:
     )
     grown = np.diff(np.interp(np.arange(len(times)), np.arange(len(numbers))[::step], known))
     return np.asarray(np.abs(np.append(grown, 0.0)))
+
+
+def _settled(timeline: Timeline) -> float:
+    """When the map has changed for the most part [s]; the end if nothing is mapped."""
+    grid = np.linspace(timeline.start, timeline.end, _MOMENTS)
+    changed = np.cumsum(_news(timeline, grid))
+    return float(grid[np.searchsorted(changed, _MOST * changed[-1], side="right") - 1])
 
 
 def run_times(shots: tuple[Shot, ...], passed: Float) -> Float:

@@ -5,6 +5,7 @@ lit.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from typing import NamedTuple
@@ -14,24 +15,22 @@ import numpy as np
 from lrf3d.geometry.lines import Float, cross, directions
 from lrf3d.studio.scene.bodies import robot_names
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
-from lrf3d.studio.scene.cameras import CARD, chase, fitted, overview
+from lrf3d.studio.scene.cameras import chase, fitted, overview
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
 from lrf3d.studio.scene.shots import CLOSING, FIRST_SHOT, LENGTH, SHOTS, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
 from lrf3d.studio.scene.stage.structures import AROUND, Structures
+from lrf3d.studio.scene.staging import STAGINGS
 from lrf3d.studio.scene.subject import TITLE_TIME, subject_of
-from lrf3d.studio.scene.timeline import Timeline, interpolated, lasting
-
-# Position of the camera at first, as the light of the first scan spreads.
-_NEAR = Rig(4.6, 26.0, shift=-0.1)
+from lrf3d.studio.scene.timeline import Timeline, interpolated
 
 # How far the dark is dusk at first, 0…1: what is not lit can just be seen.
 _FIRST_DUSK = 0.4
 
-# Angle by which that camera turns round the robot [rad].
-_NEAR_TURN = 0.7
+# Angle by which the camera of an opening turns round the robot [rad].
+_NEAR_TURN = 0.35
 
-# When that camera has risen, as a share of the opening.
+# When that camera has left its first place, as a share of the opening.
 _RISEN = 0.75
 
 # Largest distance of the camera of a shot, as a share of the overview's.
@@ -46,11 +45,14 @@ _SWAY = np.radians(5.0)
 # Angular speed at which the camera circles the world at the end [rad/s of the film].
 _END_DRIFT = np.radians(6.0)
 
-# How steeply the camera may look down at the end [rad].
-_STEEPS = np.radians(np.arange(46.0, 87.0, 8.0)).tolist()
+# Distance of the camera in the end, in that from which the whole is seen.
+_NEAREST = 0.85
 
-# The same where there is glass: from higher up, panes would be lines.
-_PANE_STEEPS = np.radians([36.0]).tolist()
+# How far its aim goes from the middle of the whole to what the end turns about, 0…1.
+_LEANS = 0.5
+
+# Angle by which the camera turns at most on its way there [rad].
+_TURNS_IN_END = 0.6
 
 # Number of moments at which a candidate shot is rated.
 _JUDGED = 13
@@ -72,10 +74,7 @@ _MAPPED = 2.2
 _TOO_MUCH = 0.05
 
 # Penalty for a shot in which the robot is hidden all the time.
-_HIDDEN = 6.0
-
-# Time for which it is said that the film leaps [s of the film].
-_LEAPS = 1.1
+_HIDDEN = 12.0
 
 # How steeply the camera of the proof looks down [rad].
 _PROVES = np.radians([40.0, 52.0, 64.0, 76.0])
@@ -100,18 +99,13 @@ _GOES = 0.35
 # Angle of view of that camera [rad].
 _FIELD = float(np.radians(46.0))
 
-# Share of the picture's height below it that text takes.
-_TEXT = 0.22
-
 
 # How many times as fast as the rest a rise is from which on it says so.
 _RUSH = 1.2
 
 
-# How far pictures are moved up, in halves of their height: text stands below.
-_RAISED = 0.1
-
-# The same from eye height: moved down, they show more of the walls.
+# How far pictures from eye height are moved up, in halves of their height: lower, they show more
+# of the walls.
 _LOWERED = -0.25
 
 
@@ -120,7 +114,7 @@ class _Rigs(NamedTuple):
 
     aways: tuple[float, ...]
     steeps: tuple[float, ...]
-    shift: float = _RAISED
+    shift: float = 0.0
 
 
 # Candidate positions of the cameras of shots, in towns and in rooms.
@@ -139,6 +133,9 @@ _ROOMS = {
 
 # The same in rooms whose walls are not cut, between which the camera then stands.
 _BETWEEN_WALLS = _Rigs((3.4, 5.0), (12.0, 20.0, 30.0), _LOWERED)
+
+# Share of the opening in which walls are not cut, and then sink.
+_STANDS = 0.3
 
 # Share of the rise in which walls sink to where they are cut.
 _SINKS = 0.2
@@ -166,8 +163,6 @@ class Story:
         length: float = LENGTH,
     ) -> None:
         self.shots = plan_shots(timeline, length)
-        # Whether times follow that the shots leap over, as in a whole film.
-        self.leaps = True
         self._subject = subject_of(timeline.run, timeline.playback)
         self._timeline = timeline
         self._structures = structures
@@ -182,10 +177,9 @@ class Story:
         self.widens = 0.0
         # At the end the camera circles the world, past its best side.
         middle = timeline.end + 0.5 * CLOSING * timeline.playback
-        self._whole = overview(timeline, structures, CARD, middle, _END_DRIFT)
-        # There it comes to rest.
-        steeps = _PANE_STEEPS if structures.glass.any() else _STEEPS
-        self._plan = overview(timeline, structures, CARD, middle, 0.0, steeps, self._whole)
+        self._whole = overview(timeline, structures, middle, _END_DRIFT)
+        usual = "straight" if structures.indoor else "roofs"
+        self._staging = STAGINGS[self._subject.staging or usual]
         self._begins = np.cumsum([0.0, *(shot.length for shot in self.shots)])
         self._chase = chase(timeline, structures)
         self._starts = np.array([shot.start for shot in self.shots])
@@ -205,10 +199,11 @@ class Story:
         # The rise shows the whole world, which is then its own map.
         risen = {"rise": passed, "whole": 1.0, "end": 1.0}.get(shot.name, 0.0)
         left = float(_eased(risen / _LEAVES))
+        sunk = passed - _STANDS if shot.name == "opening" else risen
         return track.look(
             time,
             cuts=True,
-            above=above * max(1.0 - risen / _SINKS, 0.0),
+            above=above * float(np.clip(1.0 - sunk / _SINKS, 0.0, 1.0)),
             dusk=max(_FIRST_DUSK, float(_eased(passed))) if shot.name == "opening" else 1.0,
             inset=1.0 - left * bool(self.widens),
             shot=FIRST_SHOT if shot.name == "opening" else shot.name,
@@ -217,18 +212,16 @@ class Story:
         )
 
     def _said(self, number: int, time: float) -> tuple[str, ...]:
-        """What is said first of a shot by its number: its subject, or that the film leaps."""
+        """What is said first of a shot by its number: its subject, or that it is fast."""
         shot = self.shots[number]
         subject = self._subject
         share = (time - shot.start) / max(shot.end - shot.start, TINY)
         passed = share * shot.length
         if shot.name == "opening":
             return (subject.title if passed < TITLE_TIME else subject.then,)
-        told = self._leap(number) if passed < _LEAPS else ()
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         # The rest of the run is shown in the time that is left.
-        if self.leaps and shot.name in ("proof", "rise") and rushes:
-            told = ("fast forward",)
+        told = ("fast forward",) * (rushes and shot.name in ("proof", "rise"))
         # That a loop has closed is still said where nothing else happens.
         proven = ["rise"] * (subject.since is not None) * (not rushes)
         if shot.name in ("proof", *proven):
@@ -244,19 +237,13 @@ class Story:
         name = self.shots[number].name
         return number % max(1, len(self.names)) if name in SHOTS else 0
 
-    def _leap(self, number: int) -> tuple[str, ...]:
-        """How much of the run is left out before a shot by its number, if that is noticed."""
-        leap = self.shots[number].start - self.shots[number - 1].end
-        noticed = self.leaps and leap > max(self._timeline.playback, 0.5)
-        return (f"{lasting(leap)} later",) * noticed
-
     def _made(self, number: int, aspect: float) -> _Take:
         """The camera path of a shot by its number."""
         shot = self.shots[number]
         count = int(np.ceil(shot.length / STEP)) + 1
         times = np.linspace(shot.start, shot.end, count)
         if shot.name == "opening":
-            return _Take(self._opening(times, aspect))
+            return self._opening(times, aspect)
         # The turn about the whole is even, however fast the run is played.
         turned = self._begins[number] - self._begins[-3] + np.linspace(0.0, shot.length, count)
         turned = self._timeline.end + self._timeline.playback * turned
@@ -265,8 +252,8 @@ class Story:
         if shot.name == "whole":
             return _Take(whole)
         if shot.name == "end":
-            plan = self._plan.track(wide).at(turned)
-            return _Take(self._between(whole, plan, _eased(np.linspace(0.0, 1.0, count))))
+            share = _eased(np.linspace(0.0, 1.0, count))
+            return _Take(self._between(whole, self._closing(whole), share))
         if shot.name == "rise":
             before = self._track(number - 1, aspect)
             share = _eased(np.linspace(0.0, 1.0, count))
@@ -282,20 +269,60 @@ class Story:
         path = SmoothPath(times, places, middle + sway)
         return self._best(shot.name, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
 
-    def _opening(self, times: Float, aspect: float) -> CameraPath:
-        """The camera path of the opening: near the robot, then its first scan from above."""
+    def _opening(self, times: Float, aspect: float) -> _Take:
+        """The camera path of the opening: past the robot to what the story is about, and on."""
         timeline = self._timeline
+        staging = self._staging
         shares = np.linspace(0.0, 1.0, len(times))
-        ahead, *_ = self._chase.track(aspect).at(times[:1]).turns
-        turns = ahead + _NEAR_TURN * (1.0 - _eased(shares))
         # The smoothed path of a fast film begins ahead of the robot.
         places = timeline.poses(times)[:, :2] - timeline.origin
-        path = SmoothPath(times, places, turns)
-        near = CameraPath.along(path, turns, _NEAR).past_walls(self._structures, places)
-        # What the first scan has lit is best seen when its wave has passed, and from far away.
+        path = SmoothPath(times, places, self._faces() + _NEAR_TURN * (0.5 - shares))
+        # Glass hides nothing.
+        structures = self._structures
+        heights = np.where(structures.glass, 0.0, structures.heights)
+        indoor = structures.indoor and not staging.stands
+        walls = replace(structures, indoor=indoor, heights=heights)
+        # From the side on which walls leave more room.
+        sides = [
+            CameraPath.along(path, path.headings + side, staging.first).past_walls(walls, places)
+            for side in (staging.side, -staging.side)
+        ]
+        first = max(sides, key=lambda track: float(track.aways.mean()))
         moments = np.linspace(times[0], times[-1], _JUDGED)
-        above = self._best("opening", path, moments, aspect).track
-        return self._between(near, above, _eased(shares / _RISEN))
+        if staging.then is None:
+            # What the first scan has lit is best seen when its wave has passed, and from far away.
+            then = self._best("opening", path, moments, aspect).track
+        else:
+            then = CameraPath.along(path, path.headings + staging.then_side, staging.then)
+            then = then.past_walls(structures, places)
+        way = self._between(first, then, _eased(shares / _RISEN))
+        return _Take(way, above=self._above * staging.stands)
+
+    def _faces(self) -> float:
+        """The direction in which the opening looks past the robot [rad]: usually the farthest."""
+        scan = self._timeline.run.scans_at(0)[0]
+        here = np.array(scan.pose[:2])
+        faces = self._subject.faces
+        if faces is None:
+            places = np.vstack([here, scan.points()])
+            faces = places[np.argmax(np.hypot(*(places - here).T))]
+        return float(np.arctan2(*(faces - here)[::-1]))
+
+    def _closing(self, whole: CameraPath) -> CameraPath:
+        """The camera path near what the end turns about; that of the whole if there is nothing."""
+        places = self._subject.pinned - self._timeline.origin
+        if not len(places):
+            return whole
+        # The nearest side from the line of these.
+        x, y = np.linalg.svd(places - places.mean(axis=0))[2][0]
+        turned = np.arctan2(y, x) + self._staging.end_side - whole.turns.mean()
+        turned -= np.pi * np.round(turned / np.pi)
+        return whole._replace(
+            middles=whole.middles + _LEANS * (np.append(places.mean(axis=0), 0.0) - whole.middles),
+            turns=whole.turns + np.clip(turned, -_TURNS_IN_END, _TURNS_IN_END),
+            steeps=np.full_like(whole.steeps, self._staging.end_steep),
+            aways=_NEAREST * whole.aways,
+        )
 
     def _held(self, track: CameraPath, number: int, times: Float) -> CameraPath:
         """The last view of a shot's track, held relative to its robot at later times (k,)."""
@@ -316,7 +343,7 @@ class Story:
         if self._subject.along is not None:
             sides, steeps = self._subject.along + _ASIDE, _PROVES_ASIDE
         for turn, steep in product(sides, steeps):
-            there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect, _TEXT)
+            there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect)
             track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))
         if self._subject.since is not None:
@@ -328,7 +355,7 @@ class Story:
         # What the map no longer holds needs no room.
         corners = np.insert((places[:, None] + _CLOSER * AROUND).reshape(-1, 2), 2, 0.0, axis=1)
         turn, steep = best.track.turns[:1], best.track.steeps[0]
-        near = fitted(corners, times[:1], turn, steep, _FIELD, aspect, _TEXT).at(times)
+        near = fitted(corners, times[:1], turn, steep, _FIELD, aspect).at(times)
         gone = _eased((times - self._subject.until) / (_GOES * self._timeline.playback))
         return best._replace(track=self._between(best.track, near, gone))
 

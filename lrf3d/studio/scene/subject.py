@@ -19,9 +19,12 @@ from lrf3d.studio.scene.glass import (
     EARLY,
     GlassCounts,
     TellingBeams,
+    beams_through,
     counts_at_glass,
     met_reflectors,
+    panes_of,
     telling_beams,
+    walls_of,
 )
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.timeline import FIRST, Moment, metres
@@ -74,6 +77,15 @@ class Subject(NamedTuple):
     along: float | None = None
     # What is said after the title.
     then: str = "What its laser has seen is lit"
+    # How it opens and ends: a key of the stagings of stories; those of the world if not given.
+    staging: str = ""
+    # What the camera looks at past the robot as it opens (2,), in the world [m]; what the first
+    # scan has met farthest away if it is not given.
+    faces: Float | None = None
+    # What the end turns about, under pins (n, 2), in the world [m].
+    pinned: Float = np.zeros((0, 2))
+    # Where the map drops a false wall (n, 2), in the world [m]: beams go through there.
+    dropped: Float = np.zeros((0, 2))
 
     def aim_at(self, time: float) -> Float | None:
         """That place, as long as the map holds the wall."""
@@ -82,8 +94,12 @@ class Subject(NamedTuple):
 
 def beams_told(run: Shown, moment: Moment, playback: float, shot: str) -> list[TellingBeams]:
     """The beams of a moment that tell the subject; as the map is completed they would hide it."""
-    told = moment.scanning and shot not in _FROM_AFAR and subject_of(run, playback).told
-    return telling_beams(run, moment.scan) if told else []
+    subject = subject_of(run, playback)
+    told = moment.scanning and shot not in _FROM_AFAR and subject.told
+    beams = telling_beams(run, moment.scan) if told else []
+    if moment.scanning and shot == "proof" and len(subject.dropped):
+        beams.append(beams_through(run, moment.scan, subject.dropped))
+    return beams
 
 
 # The subjects of the runs that were asked for last: up to eight may be side by side.
@@ -99,11 +115,11 @@ def _subject(run: Shown, playback: float) -> Subject:
     # What the first scan shows is shown by the opening.
     since = float(run.trajectory.times.min()) + FIRST * playback
     found = _loop(run) or _false_room(run, since) or _robots(run, since)
-    found = found or _glass(run) or _reflectors(run, since)
+    found = found or _glass(run) or _reflectors(run, since) or _false_wall(run, since)
     usual = "A robot maps what it has never seen" if len(run.maps) else "What a laser sees"
     if found or run.knows_truth:
         return found or Subject(usual)
-    return Subject(f"A file of {distances(run)} becomes a map")
+    return Subject(f"A file of {distances(run)} becomes a map", staging="record")
 
 
 def _loop(run: Shown) -> Subject | None:
@@ -123,6 +139,7 @@ def _loop(run: Shown) -> Subject | None:
         since=begins,
         until=closes,
         after=f"Back after {metres(length)}: red shows the drift",
+        staging="record",
     )
 
 
@@ -136,19 +153,24 @@ def _false_room(run: Shown, since: float) -> Subject | None:
         return None
     last = held[-1]
     left = np.append(scans, len(run.trajectory.times))[last + 1] - 1
-    known = float(run.trajectory.times[left])
+    # Until the next map.
+    known, until = run.trajectory.times[[left, min(left + 1, len(run.trajectory.times) - 1)]]
     near = _nearest(run, left, false[last])
-    mirrors = int((run.maps[-1].kinds == MIRROR).sum())
+    mirrors = _middles_of(run, MIRROR)
+    aim = near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))]
     kept = "a false room is left" if len(false[-1]) else "no false room is left"
     return Subject(
         "In a mirror, a laser sees a false room",
-        known,
+        float(known),
         places=near,
         proof="The red room is only a reflection",
-        until=known,
-        after="The same room, mirrored: so this is a mirror" * bool(mirrors),
-        aim=near[np.argmin(np.hypot(*(near - near.mean(axis=0)).T))],
-        found=f"{counted(mirrors, 'mirror')} found, {kept}",
+        until=float(until),
+        after="The same room, mirrored: so this is a mirror" * bool(len(mirrors)),
+        aim=aim,
+        found=f"{counted(len(mirrors), 'mirror')} found, {kept}",
+        staging="mirror",
+        faces=aim,
+        pinned=mirrors,
     )
 
 
@@ -158,7 +180,10 @@ def _robots(run: Shown, since: float) -> Subject | None:
     if not others:
         return None
     count = "Two" if len(others) == 1 else 1 + len(others)
-    apart = Subject(f"{count} robots map apart; together they find more")
+    at_first = others[0].at(run.trajectory.times[:1])[0, :2]
+    apart = Subject(
+        f"{count} robots map apart; together they find more", staging="robots", faces=at_first
+    )
     scans, false, held = _false_walls(run, since)
     if not len(held):
         return apart
@@ -180,6 +205,8 @@ def _robots(run: Shown, since: float) -> Subject | None:
         until=entered,
         after="Red: a robot taken for a wall",
         told=True,
+        staging="robots",
+        faces=at_first,
     )
 
 
@@ -215,6 +242,7 @@ def _glass(run: Shown) -> Subject | None:
     robot = run.trajectory.poses[counts.scan, :2]
     before = (robot - start) @ across * across
     along = float(np.arctan2(*(before @ LEFT)[::-1]))
+    at_first = shapely.points(run.trajectory.poses[0, :2]), panes_of(run.world)
     return Subject(
         "Glass lets most of a laser's beams through",
         float(run.trajectory.times[counts.scan]),
@@ -224,15 +252,27 @@ def _glass(run: Shown) -> Subject | None:
         told=True,
         along=along,
         then="Of slanted beams, few come back",
+        staging="pane",
+        faces=shapely.get_coordinates(shapely.shortest_line(*at_first))[1],
+        pinned=_middles_of(run, GLASS),
     )
+
+
+def _middles_of(run: Shown, kind: str) -> Float:
+    """The middles (n, 2) of the segments of a kind in the last map."""
+    if not len(run.maps):
+        return np.zeros((0, 2))
+    last = run.maps[len(run.maps) - 1]
+    chosen = last.segments[last.kinds == kind]
+    return np.asarray(chosen.reshape(-1, 2, 2).mean(axis=1))
 
 
 def _glass_words(run: Shown, counts: GlassCounts) -> str:
     """What the glass of a run's world did to its beams and its map."""
-    panes = int((run.maps[-1].kinds == GLASS).sum()) if len(run.maps) else 0
-    known = f"{counted(panes, 'pane')} found" if panes else "none is known as glass"
+    panes = len(_middles_of(run, GLASS))
+    known = f"{counted(panes, 'pane')} found, tinted" if panes else "none is known as glass"
     share = 100.0 * counts.through / (counts.through + counts.back)
-    return f"{share:.0f} % of the beams at glass went through  ·  {known}"
+    return f"{known}  ·  {share:.0f} % of the beams at glass went through"
 
 
 def _reflectors(run: Shown, since: float) -> Subject | None:
@@ -253,11 +293,50 @@ def _reflectors(run: Shown, since: float) -> Subject | None:
     light = scan.intensities[scan.hits]
     brighter = np.median(light[seen[most]]) / np.median(np.delete(light, seen[most]))
     words = f"Reflectors: {brighter:.0f} × as bright as walls"
+    bright = walls_of(run.world, lambda material: material.retro > 1.0)
+    met = np.unique(np.concatenate([run.scans_at(number)[0].walls for number in range(len(times))]))
+    known = bright[np.isin(bright, met)]
     return Subject(
         "To a laser, reflectors outshine all else",
         float(times[late[most]]),
         _nearest(run, late[most], scan.points()[seen[most]]),
         words,
-        found=words,
+        found=f"{len(known)} of {len(bright)} reflectors met, {brighter:.0f} × as bright as walls",
         told=True,
+        staging="reflectors",
+        pinned=run.world.segments[known].reshape(-1, 2, 2).mean(axis=1),
     )
+
+
+def _false_wall(run: Shown, since: float) -> Subject | None:
+    """The map that drops false walls for good after a time [s], with the robot near them."""
+    scans, false, _ = _false_walls(run, since)
+    later = np.zeros((0, 2))
+    gone = list[Float]()
+    for places in reversed(false):
+        gone.insert(0, places[~shapely.dwithin(shapely.points(places), _points(later), _TAKEN)])
+        later = np.concatenate([later, places])
+    dropping = [number for number, places in enumerate(gone[:-1]) if len(places)]
+    if not dropping:
+        return None
+    places = run.trajectory.poses[scans[1:], :2]
+    away = [shapely.distance(_points(gone[k]), shapely.points(places[k])) for k in dropping]
+    best = dropping[int(np.argmin(away))]
+    known = float(run.trajectory.times[scans[best + 1]])
+    return Subject(
+        "False walls enter a map, and leave it again",
+        known,
+        places=gone[best],
+        proof="Red: in the map, but no wall is there",
+        until=known,
+        after="Beams go through, so the map drops it",
+        then="" if run.obstacles else "From afar, a gap looks like a wall",
+        found="" if len(false[-1]) else "All false walls are gone again",
+        pinned=np.array([gone[k].mean(axis=0) for k in dropping]),
+        dropped=gone[best],
+    )
+
+
+def _points(places: Float) -> shapely.Geometry:
+    """Places (n, 2) as one geometry."""
+    return shapely.multipoints(places)

@@ -12,6 +12,7 @@ counts as not given. An element with tags is used, or left out and counted.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from itertools import groupby, zip_longest
 from pathlib import Path
 from typing import Any
@@ -187,6 +188,12 @@ class _Extract:
         before, known = self.ways.get(number, ([], {}))
         self.ways[number] = nodes or before, known | tags
 
+    def area(self, members: list[tuple[int, str]]) -> Any:
+        """The area of a relation: what its outer ways enclose, without what inner ones do."""
+        inner = [n for n, role in members if role == "inner"]
+        outer = [n for n, role in members if role not in ("inner", "part")]
+        return shapely.difference(self.enclosed(outer), self.enclosed(inner))
+
     def enclosed(self, ways: Iterable[int]) -> Any:
         """The area that some ways enclose together; those that are not whole are ignored."""
         whole = [self.ways[n][0] for n in sorted({*ways}) if self.is_whole(n)]
@@ -284,23 +291,32 @@ def _known_lines(extract: _Extract, nodes: Iterable[Any]) -> Iterator[Any]:
 
 def _rooms(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
     """The rooms, walls and doors of Simple Indoor Tagging, in degrees."""
-    for number, (_, tags) in extract.ways.items():
+    drawn = [(tags, partial(_indoor, extract, n)) for n, (_, tags) in extract.ways.items()]
+    drawn += [
+        (tags, partial(_indoor_area, extract, members))
+        for members, tags in extract.relations.values()
+        if tags.get("type") == "multipolygon"
+    ]
+    for tags, shape_of in drawn:
         if id(tags) in fates or not tags:
             continue
         reason = left_out(tags) if "indoor" in tags else ""
         role = role_in_storey(tags)
         if role and not reason:
-            shape = _indoor(extract, number, role)
+            shape = shape_of(role)
             reason = f"incomplete indoor {role}" if shape is None else ""
             if shape is not None:
-                yield Feature((shape,), tag_height(tags), role=role, levels=storeys_of(tags))
+                parts = tuple(shapely.get_parts([shape]))
+                yield Feature(parts, tag_height(tags), role=role, levels=storeys_of(tags))
         if role or reason:
             fates[id(tags)] = reason
     for number, tags in extract.points.items():
-        if role_in_storey(tags) == "opening":
+        entrance = tags.get("entrance", "no") != "no"
+        if entrance or role_in_storey(tags) == "opening":
             fates[id(tags)] = ""
             place = shapely.Point(extract.nodes[number])
-            yield Feature((place,), role="opening", levels=storeys_of(tags))
+            levels = storeys_of(tags) or ("0",) * entrance
+            yield Feature((place,), role="opening", levels=levels)
 
 
 def _indoor(extract: _Extract, number: int, role: str) -> Any:
@@ -312,6 +328,12 @@ def _indoor(extract: _Extract, number: int, role: str) -> Any:
     if closed and role != "opening":
         return shapely.Polygon(places)
     return shapely.LineString(places) if len(set(places)) > 1 else None
+
+
+def _indoor_area(extract: _Extract, members: list[tuple[int, str]], role: str) -> Any:
+    """The area of a relation in a storey; None if it is incomplete."""
+    area = extract.area(members)
+    return area if encloses(area) else None
 
 
 def _buildings(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
@@ -340,7 +362,6 @@ def _of_relations(
     for members, tags in extract.relations.values():
         if tags.get("type") not in ("multipolygon", "building"):
             continue
-        inner = [n for n, role in members if role == "inner"]
         outer = [n for n, role in members if role not in ("inner", "part")]
         # Old relations have the tags of the building on an outer way.
         own = [tags] if kind_of(tags) else [ways[n][1] for n in outer]
@@ -350,8 +371,7 @@ def _of_relations(
             outlines |= {n for n, _ in members if n in outer or ways[n][1] == building}
         if building is not None:
             fates[id(tags)] = ""
-            area = shapely.difference(extract.enclosed(outer), extract.enclosed(inner))
-            found.append((building, area))
+            found.append((building, extract.area(members)))
     return found, outlines
 
 

@@ -38,7 +38,7 @@ WORLDS = {
 
 
 # What these are about, one moment proves after the first scan.
-PROVED = ("mirror_hall",)
+PROVED = ("mirror_hall", "corridor")
 
 
 @pytest.mark.parametrize(
@@ -53,12 +53,13 @@ def test_no_half_of_a_picture_is_black_and_the_robot_is_in_its_middle_not_under_
     times = frames[(passed / 0.04).astype(int).clip(max=len(frames) - 1)]
     for time in times.tolist():
         view = film._view(time)
-        picture = film.draw(time)[:, : 160 - round(view.inset * film._strip), :3]
+        wide, high = film._size
+        picture = film.draw(time)[:high, : wide - round(view.inset * film._strip), :3]
         assert (picture @ [0.3, 0.55, 0.15] < BLACK).mean() < 0.5, time
         if view.shot in SHOTS:
             moment = film.timeline.moment(time)
             place = np.append(moment.pose[:2] - film.timeline.origin, [0.3, 1.0])
-            x, y, _, w = view.matrix(160 / 90, 1000.0) @ place
+            x, y, _, w = view.matrix(wide / high, 1000.0) @ place
             column = 80.0 * (1.0 + x / w)
             assert 0.2 < column / picture.shape[1] < 0.8 and abs(y / w) < 0.6, time
     film.close()

@@ -12,7 +12,7 @@ from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 from lrf3d import InputError, World
 from lrf3d.studio.render import beside
 from lrf3d.studio.render.film import Film, frame
-from lrf3d.studio.render.text import row_of
+from lrf3d.studio.render.text import band_of, row_of
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.generators import BLOCK_SIDE, generate_city
 
@@ -163,6 +163,7 @@ with ThreadPoolExecutor(4) as threads:
 @pytest.mark.parametrize("size", [(16, 16), (32, 18), (16, 600)])
 def test_a_picture_too_small_for_text_has_none(size):
     assert room_run().frame(0.5, size=size, renderer="embree").shape == (*size[::-1], 3)
+    assert band_of(size) == 0 < band_of((160, 90))
     assert row_of((("words", (1, 2, 3)),), 20.0, size[0] - 30).height == 0
 
 

@@ -10,7 +10,14 @@ import lrf3d
 from lrf3d.geometry.pose import compose
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.drift import Astray, Drift
-from lrf3d.studio.scene.glass import Panes, at_glass, bounced, some_beams, telling_beams
+from lrf3d.studio.scene.glass import (
+    Panes,
+    at_glass,
+    beams_through,
+    bounced,
+    some_beams,
+    telling_beams,
+)
 from lrf3d.studio.scene.panel import panel
 from lrf3d.studio.scene.stage.structures import Structures
 from lrf3d.studio.scene.subject import subject_of
@@ -139,3 +146,18 @@ def test_a_robot_that_a_map_takes_for_a_wall_is_the_subject_from_when_it_does():
     names = said(met)[-3:]
     assert ("━ this robot", "━ another robot") == names[:2] and names[2].endswith(told)
     assert f", {len(run.map)} false" in said(met, "end", time=run.trajectory.times[last])[0]
+
+
+def test_a_false_wall_that_the_map_drops_is_the_subject_with_the_beams_that_go_through():
+    run = room_run()
+    wrong = replace(run.map, segments=0.1 * run.map.segments + 3.0)
+    last = len(run) - 1
+    mended = replace(run, maps=(wrong, run.map), snapshot_scans=(0, last))
+    subject = subject_of(mended, 0.1)
+    assert subject.moment == subject.until == run.trajectory.times[last]
+    assert len(subject.pinned) == 1 and subject.found.startswith("All false walls are gone")
+    through = beams_through(mended, last, subject.dropped)
+    assert through.words.endswith("through it") and len(through.ends)
+    # What stays false to the end is no subject.
+    kept = replace(mended, maps=(wrong, wrong))
+    assert subject_of(kept, 0.1).moment is None

@@ -46,10 +46,7 @@ def test_while_a_map_grows_the_walls_found_are_counted_and_without_the_truth_its
     run = city_run()
     maps = (replace(run.map, segments=run.map.segments + 9.0), run.map)
     grows = replace(run, maps=maps, snapshot_scans=(0, len(run) - 1))
-    assert said(grows)[::2] == (
-        "0 of 14 walls found, 16 false",
-        "━ not a wall: later scans remove it",
-    )
+    assert said(grows)[0] == "0 of 14 walls found, 16 false"
     recorded = said(estimated(run, (0.0, 0.0, 0.0)))
     assert recorded[0] == f"{len(run.map)} segments mapped"
 
