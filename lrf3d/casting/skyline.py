@@ -39,7 +39,7 @@ ROOM_AT_FIRST = 8
 WHOLE = 1e-9
 
 # Beams of lidars that are cast at a time: their ranges and noise fit into a cache of 2 MB.
-AT_ONCE = 1 << 16
+AT_ONCE = 1 << 17
 
 # [m] An outline that is nowhere wider is a wall: old ones of stone are 0.5 m thick, and no robot
 # drives in it.

@@ -307,8 +307,10 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         if self.together:
             self._crowd.hold(moves_of(self._times, self.poses))
         parts = [self._scan_of(sensor) for sensor in self._sensors]
+        if len(parts) == 1:
+            return parts[0]
         measured, truth, walls = map(np.hstack, zip(*parts, strict=True))
-        return (measured, truth, walls) if len(parts) > 1 else parts[0]
+        return measured, truth, walls
 
     def _scan_of(self, sensor: Sensor) -> tuple[Float, Float, Int]:
         lrf = sensor.lrf

@@ -62,7 +62,7 @@ class CloudObserver:
                 if self._spread is not None:
                     floor, growth = self._spread
                     limits = sensor.range_min, far, floor, growth / far
-                    rows = np.ascontiguousarray(ranges.transpose(0, 2, 1))
+                    rows = ranges.transpose(0, 2, 1).reshape(len(ranges), -1)
                     scatter_ranges(rows, numbers, limits, key, self._quantiles, seen)
                     continue
                 walls = np.zeros(ranges.shape, np.int32)

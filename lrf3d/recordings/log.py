@@ -266,11 +266,6 @@ class Intake:
     bad_count: int = 0
 
     @property
-    def limit(self) -> float:
-        """Least reading [m] that means no return in a log that names no range."""
-        return LARGEST_RANGE if self.largest_range is None else self.largest_range
-
-    @property
     def first_bad(self) -> str:
         """The number of bad lines and the first one, to end the error about a log without scans."""
         return (

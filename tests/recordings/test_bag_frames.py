@@ -54,6 +54,12 @@ def test_the_laser_is_where_it_is_mounted(way, tmp_path):
     assert (way == "tf") == log.source.startswith("/tf")
 
 
+def test_a_fixed_transform_counts_until_the_next_one(tmp_path):
+    later = "/tf_static", 0.7, TRANSFORMS, transform(0.7, "base_link", "laser", (0.2, 0, 0))
+    log = load_log(write(tmp_path / "bag", mounted(), *AHEAD, later, *scans(0.5, 1.0)))
+    assert log.poses[:, 0] == pytest.approx([0.5, 1.2])
+
+
 def test_a_laser_upside_down_has_mirrored_angles(tmp_path):
     bag = write(tmp_path / "bag", mounted(turn=TURNS["upside down"]), *AHEAD, *scans(0.0))
     seen = load_log(bag).scans[0]

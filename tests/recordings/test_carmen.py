@@ -196,6 +196,7 @@ def test_poses_of_odometry_and_of_the_truth_are_taken_at_the_time_of_the_scan(tm
     odometry, truth = load_log(path, poses="odom"), load_log(path, poses="truth")
     assert odometry.poses == pytest.approx(np.array([[2, 2, 0.5]]))
     assert truth.poses == pytest.approx(np.array([[5.5, 6.5, 0.5]]))
+    assert odometry.notes[-1] == "1 scan before or after the ODOM messages left out"
     assert odometry.source == "ODOM messages" and truth.source == "TRUEPOS messages"
     with pytest.raises(InputError, match="no poses from tf in it; there are auto, odom, truth"):
         load_log(path, poses="tf")
@@ -235,6 +236,15 @@ def test_raw_odometry_is_kept_line_by_line_with_the_places_of_the_scans(tmp_path
         assert log.poses[0, 0] == x and log.wheels.places.tolist() == [place]
     placed = load_log(tmp_path / "c.log", poses="odom").poses[0]
     assert placed == pytest.approx([2.46, 0.0, 0.0])
+
+
+def test_scans_and_odometry_are_put_in_the_order_of_their_stamps(tmp_path):
+    odom = [f"ODOM {k} 0 0 0 0 0 {k / 8} host 0" for k in range(6)]
+    raw = [f"RAWLASER1 0 -1 2 1 20 0 0 3 1 2 3 0 {k / 8 + 0.0625} host 0" for k in range(5)]
+    # All of one kind together, or the last first.
+    for lines in ([*odom, *raw], [*raw, *odom], sorted([*odom, *raw], key=str.split)[::-1]):
+        log = load_log(write(tmp_path / "a.log", *lines))
+        assert log.poses[:, 0].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5] and "order" in log.notes[0]
 
 
 def test_lines_of_robots_of_carnegie_mellon_are_in_centimetres(tmp_path):

@@ -106,7 +106,33 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
     buffer = DepthBuffer(low, high, hit, np.empty(beams, np.int64))
     sketch = np.empty(SKETCH)
     waiting = root_waiting(beams)
-    top = 1 if len(tree.walls) > 0 else 0
+    seen = tree, fan, 0.0
+    top = min(len(tree.walls), 1)
+    node, top = leaf_in_view(seen, edge, low, sketch, waiting, top)
+    while node >= 0:
+        first = tree.links[node, 0]
+        stop = first + tree.links[node, 1]
+        for base in range(first, stop, BATCH):
+            batch = min(BATCH, stop - base)
+            outline(tree.columns, base, batch, fan, sketch)
+            for k in range(batch):
+                left_open = draw(base + k, k, sketch, fan, buffer)
+                if left_open != 0:
+                    settle(left_open, base + k, tree, fan, buffer)
+        node, top = leaf_in_view(seen, edge, low, sketch, waiting, top)
+
+
+@borrower
+def leaf_in_view(
+    seen: tuple[Tree, Fan, float], edge: float, low: Float, sketch: Float, waiting: Records,
+    top: int,
+) -> tuple[int, int]:  # fmt: skip
+    """The next leaf that beams may meet of the boxes that wait, or −1, and the new height.
+
+    What is seen are a tree, a fan, and by how much boxes are wider than they are [rad]; the edge
+    is the least 1 / t that counts. Of the leaf the record at the new height is left.
+    """
+    tree, fan, aside = seen
     while top > 0:
         top -= 1
         box = waiting[top]
@@ -114,17 +140,14 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
             continue
         first = tree.links[box.node, 0]
         count = tree.links[box.node, 1]
-        if count < 0:
-            view_boxes(tree.boxes, first, -count, fan, sketch)
-            top = enter_boxes((first, -count), fan, edge, low, sketch, waiting, top)
-            continue
-        for base in range(first, first + count, BATCH):
-            batch = min(BATCH, first + count - base)
-            outline(tree.columns, base, batch, fan, sketch)
-            for k in range(batch):
-                left_open = draw(base + k, k, sketch, fan, buffer)
-                if left_open != 0:
-                    settle(left_open, base + k, tree, fan, buffer)
+        if count >= 0:
+            return box.node, top
+        view_boxes(tree.boxes, first, -count, fan, sketch)
+        for k in range(index_of(-count)):
+            sketch[START + k] -= aside
+            sketch[WIDTH + k] += 2.0 * aside
+        top = enter_boxes((first, -count), fan, edge, low, sketch, waiting, top)
+    return -1, top
 
 
 @inner
@@ -138,7 +161,7 @@ def root_waiting(beams: int) -> Records:
     return waiting
 
 
-@inner
+@borrower
 def hidden(low: Float, first: int, stop: int, near: float) -> bool:
     """Whether all beams from first to before stop end nearer than 1 / near."""
     for i in range(index_of(first), index_of(stop)):
@@ -147,7 +170,7 @@ def hidden(low: Float, first: int, stop: int, near: float) -> bool:
     return True
 
 
-@inner
+@borrower
 def enter_boxes(
     boxes: tuple[int, int], fan: Fan, edge: float, low: Float, sketch: Float, waiting: Records,
     top: int,
@@ -179,7 +202,7 @@ def enter_boxes(
     return top
 
 
-@inner
+@borrower
 def view_boxes(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
     """Bearings of boxes; as SLACK a bound on 1 / distance, infinite for one around the laser."""
     ahead_x = fan.ahead_x
@@ -221,7 +244,7 @@ def _shift(columns: Float, first: int, count: int, fan: Fan, sketch: Float) -> N
         sketch[V + k] = qx - px
 
 
-@inner
+@borrower
 def beams_between(start: float, width: float, fan: Fan, beams: int) -> tuple[int, int]:
     """The beams from the first to before the second that may lie within bearings."""
     half = fan.half
@@ -283,7 +306,7 @@ def reached(place: float, beams: int) -> int:
     return int(min(max(place + 1.0, 0.0), float(beams)))
 
 
-@inner
+@borrower
 def outline(walls: Float, first: int, count: int, fan: Fan, sketch: Float) -> None:
     """Bearings and depths of `count` walls from row `first` on, in one loop without branches.
 
@@ -312,7 +335,7 @@ def outline(walls: Float, first: int, count: int, fan: Fan, sketch: Float) -> No
         sketch[WIDTH + k] = span(start, stop)
 
 
-@inner
+@borrower
 def draw(row: int, k: int, sketch: Float, fan: Fan, buffer: DepthBuffer) -> int:
     """Draw wall k of a sketch where that is sure, and leave the beams that are not in `contested`.
 

@@ -42,7 +42,7 @@ def scatter_ranges(
     ranges: Float, numbers: Int, sensor: Plain, key: np.uint64, quantiles: NDArray[np.float32],
     seen: NDArray[np.float32],
 ) -> None:  # fmt: skip
-    """Fill the rows of seen (n, layers, columns) from true ranges (k, columns, layers), with noise.
+    """Fill rows of seen (n, layers, columns) from true ranges (k, columns · layers), with noise.
 
     The sensor is its least and largest range, which stand for too near and no return, and the
     constant and the growing part of the standard deviation of its ranges. The quantiles (65536,)
@@ -50,28 +50,34 @@ def scatter_ranges(
     noise of a beam depends on no other.
     """
     near, far, floor, growth = sensor
-    _, columns, layers = ranges.shape
+    _, layers, columns = seen.shape
+    beams = columns * layers
     drawn = (layers + 3) // 4
-    chosen = np.empty(4 * drawn, np.float32)
-    noisy = np.empty(layers, np.float32)
+    # The last column may choose up to three quantiles that no beam needs.
+    chosen = np.empty(beams + 3, np.float32)
+    noisy = np.empty(beams, np.float32)
+    # One short loop after the other: what a loop stores is in memory when the next one loads it.
     for k in range(len(numbers)):
         out = seen[numbers[k]]
+        counter = np.uint64(numbers[k] * columns * drawn)
         for i in range(columns):
-            counter = np.uint64((numbers[k] * columns + i) * drawn)
-            for group in range(drawn):
-                mixed = key + STRIDE * (counter + np.uint64(group + 1))
+            for first in range(i * layers, (i + 1) * layers, 4):
+                counter += np.uint64(1)
+                mixed = key + STRIDE * counter
                 mixed = (mixed ^ (mixed >> np.uint64(30))) * MIX_FIRST
                 mixed = (mixed ^ (mixed >> np.uint64(27))) * MIX_LAST
                 mixed ^= mixed >> np.uint64(31)
                 for part in range(4):
-                    chosen[4 * group + part] = quantiles[mixed & CHOICES]
+                    # Those beyond the last layer are replaced by those of the next column.
+                    chosen[first + part] = quantiles[mixed & CHOICES]
                     mixed >>= BITS
-            # One loop without branches.
-            for r in range(layers):
-                found = ranges[k, i, r]
-                spread = np.sqrt(floor * floor + growth * growth * found * found)
-                moved = found + spread * chosen[r]
-                found = moved if abs(found) < np.inf else found
-                noisy[r] = 0.0 if found < near else min(found, far)
-            for r in range(layers):
-                out[r, i] = noisy[r]
+        # Without branches.
+        for j in range(beams):
+            found = ranges[k, j]
+            spread = np.sqrt(floor * floor + growth * growth * found * found)
+            moved = found + spread * chosen[j]
+            found = moved if abs(found) < np.inf else found
+            noisy[j] = 0.0 if found < near else min(found, far)
+        for r in range(layers):
+            for i in range(columns):
+                out[r, i] = noisy[i * layers + r]

@@ -83,6 +83,9 @@ def read_layers(
         mixed = skies.mixed[i] != 0
         skies.covered[i] = 0.0
         skies.mixed[i] = skies.counts[i] = 0
+        for r in range(index_of(many)):
+            ranges[i, r] = ground[r]
+            hits[i, r] = -1
         if mixed:
             for r in range(many):
                 ranges[i, r], hits[i, r] = _among_overlapping(
@@ -99,8 +102,7 @@ def read_layers(
             stop = many
             if slopes[own, many - 1] > entry.sure:
                 stop = _beyond(slopes, own, (first, many), entry.sure)
-            most = entry.most
-            while stop < many and slopes[own, stop] <= most:
+            while stop < many and slopes[own, stop] <= entry.most:
                 wall = wall_of(entry)
                 if compare_height(slopes[own, stop], z, entry.height, beam, wall) > 0:
                     break
@@ -122,15 +124,15 @@ def read_layers(
                 if compare_height(slopes[own, begin], z, 0.0, beam, wall) >= 0:
                     break
                 begin += 1
-            _stand(ground, i, (first, begin), ranges, hits)
             if near < t < far:
-                _measure(t, max(entry.row, -1), layers.lengths, i, (begin, stop), ranges, hits)
+                for r in range(index_of(begin), index_of(stop)):
+                    ranges[i, r] = t * layers.lengths[r]
+                    hits[i, r] = max(entry.row, -1)
             else:
                 for r in range(begin, stop):
                     ranges[i, r] = _within(t, r, beam, wall, layers)
                     hits[i, r] = max(entry.row, -1) if math.isfinite(ranges[i, r]) else -1
             first = stop
-        _stand(ground, i, (first, many), ranges, hits)
 
 
 @inner
@@ -147,8 +149,9 @@ def _first_lengths(places: Float, directions: Float, skies: Skylines) -> Float:
     while stop < columns:
         start = stop
         stop += 1
+        if skies.counts[start] == 0:
+            continue
         beam = _beam_of(places, directions, start)
-        # Azimuths without entries have any t, which nobody reads.
         wall = wall_of(entries[start])
         while (
             stop < columns
@@ -181,27 +184,6 @@ def _beyond(values: Float, row: int, part: tuple[int, int], limit: float) -> int
         else:
             high = middle
     return low
-
-
-@borrower
-def _stand(
-    ground: Float, i: int, part: tuple[int, int], ranges: Float, hits: NDArray[np.int32]
-) -> None:
-    """Fill in the ranges of consecutive layers of an azimuth that hit the floor."""
-    for r in range(index_of(part[0]), index_of(part[1])):
-        ranges[i, r] = ground[r]
-        hits[i, r] = -1
-
-
-@borrower
-def _measure(
-    t: float, name: int, lengths: Float, i: int, part: tuple[int, int], ranges: Float,
-    hits: NDArray[np.int32],
-) -> None:  # fmt: skip
-    """Fill in the ranges of consecutive layers of an azimuth that hit a wall."""
-    for r in range(index_of(part[0]), index_of(part[1])):
-        ranges[i, r] = t * lengths[r]
-        hits[i, r] = name
 
 
 @inner

@@ -89,7 +89,7 @@ def wrapped(angle: float) -> float:
     return turned if turned > -np.pi else np.pi
 
 
-@inner
+@borrower
 def pose_at(legs: Records, first: int, last: int, period: float, time: float) -> Pose:
     """The pose at a time on a path, as by `Trajectory.at`."""
     if last - first == 1:
@@ -131,7 +131,7 @@ def moved(leg: Any, time: float) -> Pose:
     )
 
 
-@inner
+@borrower
 def mover_at(among: Movers, j: int, time: float) -> Pose:
     """The pose of an obstacle at a time."""
     mover = among.movers[j]
@@ -149,7 +149,7 @@ def anywhere(plain: Plain) -> Movers:
     return Movers(movers, corners, legs, *placed)
 
 
-@inner
+@borrower
 def locate(among: Movers, j: int, time: float) -> float:
     """Set where an obstacle is at a time; returns its heading [rad]."""
     at = among.placed[j]
@@ -158,7 +158,7 @@ def locate(among: Movers, j: int, time: float) -> float:
     return theta
 
 
-@inner
+@borrower
 def turn_sides(among: Movers, j: int, theta: float) -> None:
     """Set the sides of an obstacle where it is, with a heading [rad]."""
     mover = among.movers[j]

@@ -25,13 +25,11 @@ from lrf3d.casting.kernels.fan import (
     Fan,
     U,
     V,
-    enter_boxes,
-    hidden,
+    leaf_in_view,
     outline,
     reached,
     root_waiting,
     turns_to_meet,
-    view_boxes,
 )
 from lrf3d.casting.kernels.movers import anywhere, locate, side_at, turn_sides
 from lrf3d.casting.kernels.predicates import (
@@ -133,25 +131,25 @@ def raise_fan(
     left = np.empty(beams, np.int64)
     sketch = np.empty(SKETCH)
     waiting = root_waiting(beams)
-    top = 1 if len(tree.walls) > 0 else 0
     fits = True
-    while top > 0 and fits:
-        top -= 1
-        box = waiting[top]
-        if hidden(shade, box.first, box.stop, box.near):
-            continue
-        first = tree.links[box.node, 0]
-        count = tree.links[box.node, 1]
-        if count < 0:
-            view_boxes(tree.boxes, first, -count, fan, sketch)
-            for k in range(-count):
-                sketch[START + index_of(k)] -= half
-                sketch[WIDTH + index_of(k)] += 2.0 * half
-            top = enter_boxes((first, -count), fan, edge, shade, sketch, waiting, top)
-            continue
-        fits = _raise_leaf(walls, (first, first + count), sketch, view, sight, skies, left)
+    seen = tree, fan, half
+    top = min(len(tree.walls), 1)
+    node, top = leaf_in_view(seen, edge, shade, sketch, waiting, top)
+    while node >= 0 and fits:
+        first = tree.links[node, 0]
+        stop = first + tree.links[node, 1]
+        for base in range(first, stop, BATCH):
+            batch = min(BATCH, stop - base)
+            outline(tree.columns, base, batch, fan, sketch)
+            for k in range(batch):
+                row = base + k
+                open_at, fit = _raise_clearly(walls, (row, k), sketch, view, sight, skies, left)
+                fits &= fit
+                if open_at != 0:
+                    fits &= _raise_open(walls, row, view, sight, skies, left, open_at)
         if half > 0.0:
-            _darken(shade, box.first, box.stop, sectors.before, covered)
+            _darken(shade, waiting[top].first, waiting[top].stop, sectors.before, covered)
+        node, top = leaf_in_view(seen, edge, shade, sketch, waiting, top)
     return fits
 
 
@@ -165,33 +163,18 @@ def _darken(shade: Float, first: int, stop: int, before: Int, covered: Float) ->
 
 
 @inner
-def _raise_leaf(
-    walls: Standing, leaf: tuple[int, int], sketch: Float, view: tuple[Fan, Sectors], eye: Eye,
-    skies: Skylines, left: Int,
-) -> bool:  # fmt: skip
-    """Insert the walls of a leaf, from one row to before another; False if there is no room."""
-    start, stop = leaf
-    fits = True
-    for base in range(start, stop, BATCH):
-        batch = min(BATCH, stop - base)
-        outline(walls.tree.columns, base, batch, view[0], sketch)
-        for k in range(batch):
-            open_at, fit = _raise_clearly(walls, (base + k, k), sketch, view, eye, skies, left)
-            fits = fits and fit
-            if open_at != 0:
-                those = np.arange(len(left)) if open_at == UNCLEAR else left[:open_at]
-                fits = _raise_open(walls, base + k, view, eye, skies, those) and fits
-    return fits
-
-
-@inner
 def _raise_open(
-    walls: Standing, row: int, view: tuple[Fan, Sectors], eye: Eye, skies: Skylines, left: Int
-) -> bool:
-    """Insert a wall at the azimuths that were left open, exactly; False if there is no room."""
+    walls: Standing, row: int, view: tuple[Fan, Sectors], eye: Eye, skies: Skylines, left: Int,
+    count: int,
+) -> bool:  # fmt: skip
+    """Insert a wall at the azimuths that were left open, exactly; False if there is no room.
+
+    Of those left the first ones count, or all azimuths if their number is UNCLEAR.
+    """
     fan, sectors = view
     fits = True
-    for i in left:
+    for k in range(len(left) if count == UNCLEAR else count):
+        i = k if count == UNCLEAR else left[k]
         beam = Beam(fan.x, fan.y, fan.dx[i], fan.dy[i])
         own = _own_eye(eye, sectors.slopes, i)
         fits = _raise_exactly(_piece(walls, row), i, beam, own, walls.highest, skies) and fits
@@ -232,10 +215,10 @@ def _raise_clearly(
     for turn in range(before, after + 1):
         a = sketch[START + place] + turn * TURN + fan.half
         b = a + width
-        first = numbers[reached((a - aside) * fan.per_step, beams)]
-        stop = numbers[reached((b + aside) * fan.per_step, beams)]
-        sure = numbers[reached((a + aside) * fan.per_step, beams)]
-        sure_stop = numbers[reached((b - aside) * fan.per_step, beams)]
+        first = index_of(numbers[reached((a - aside) * fan.per_step, beams)])
+        stop = index_of(numbers[reached((b + aside) * fan.per_step, beams)])
+        sure = index_of(numbers[reached((a + aside) * fan.per_step, beams)])
+        sure_stop = index_of(numbers[reached((b - aside) * fan.per_step, beams)])
         for i in range(first, stop):
             depth = fan.dx[i] * u - fan.dy[i] * v
             if depth + slack < covered[i]:
@@ -256,7 +239,7 @@ def _raise_clearly(
 @borrower
 def _own_eye(eye: Eye, slopes: Float, i: int) -> Eye:
     """The eye of a ray, whose layers have slopes of their own, or those of all rays."""
-    row = min(i, len(slopes) - 1)
+    row = min(index_of(i), index_of(len(slopes) - 1))
     return Eye(eye.z, slopes[row, 0], slopes[row, 1], eye.reach)
 
 

@@ -26,7 +26,7 @@ from lrf3d.casting.kernels.movers import (
 )
 from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree, column_at
-from lrf3d.compiling import compiled, inner, record
+from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry.lines import Float, Int, Records
 
 # [m] Depth up to which a body that meets something does not touch it: more than rounding.
@@ -148,7 +148,7 @@ def touched_among(
                 met[k] = j
 
 
-@inner
+@borrower
 def _first_touch(
     tree: Tree, body: Footprint, move: Any, seconds: float, stack: Int, seen: Records
 ) -> tuple[float, int]:
@@ -213,7 +213,7 @@ def _first_touch(
     return np.inf, -1
 
 
-@inner
+@borrower
 def _contact(body: Footprint, move: Any, end: float, wall: Wall) -> float:
     """The w up to an end at which a body touches a wall, which it sees from its pose at w = 0."""
     edges = body.edges
@@ -331,7 +331,7 @@ def _descent(a: float, b: float, c: float, turn: float, end: float) -> tuple[flo
     return root, lowest, -((a * lowest + b) * lowest + c) / (1.0 + half * half)
 
 
-@inner
+@borrower
 def _gap(mine: Records, theirs: Records, first: int, stop: int) -> float:
     """The distance [m] of a body's sides from others, negative where the two overlap.
 
@@ -386,7 +386,7 @@ def _off(wall: Wall, x: float, y: float) -> tuple[float, float]:
     return math.sqrt(beyond * beyond + beside * beside), beside
 
 
-@inner
+@borrower
 def _first_meeting(
     among: Movers, j: int, body: Footprint, move: Any, seconds: float, sides: Records, spot: Records
 ) -> float:
@@ -416,7 +416,7 @@ def _first_meeting(
     return np.inf
 
 
-@inner
+@borrower
 def _gap_at(
     among: Movers, j: int, body: Footprint, move: Any, time: float, sides: Records, spot: Records
 ) -> float:

@@ -80,11 +80,6 @@ def is_foreign(path: Path) -> bool:
         return False
 
 
-def is_records(path: Path) -> bool:
-    """Whether a file holds records."""
-    return are_records(head_of(path, BEGINNING))
-
-
 def are_records(head: bytes) -> bool:
     """Whether records begin with these bytes."""
     return bool(DOCUMENTS(head) or LISTS(head))

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from math import degrees, inf, isfinite, pi, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lrf3d.base.errors import InputError
+from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LARGEST_COORDINATE, Float, usual_step, wrap_angle
 from lrf3d.geometry.pose import Pose, between
 from lrf3d.laser import LaserScan
@@ -35,6 +37,7 @@ from lrf3d.recordings.log import (
     LaserLog,
     WheelRecord,
 )
+from lrf3d.recordings.repair.stamps import order_of
 
 if TYPE_CHECKING:
     from lrf3d.robot import Trajectory
@@ -88,7 +91,7 @@ WORDS = re.compile(
 HALF_TURNS = {180, 181, 360, 361}
 
 # Alternative widths [°] of fans with other numbers of beams, from the first beam to the last.
-WIDE_FANS = (240, 270, 360)
+WIDE_FANS = (100, 240, 270, 360)
 
 # Messages that do not say how wide their fans are.
 WITHOUT_FAN = (b"FLASER", b"Laser", b"CMU")
@@ -118,7 +121,9 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
             f"{intake.first_bad}"
         )
     log = reading.log()
-    if poses == "auto" and reading.is_coarse:
+    # Where odometry is rare, the pose of the line before a scan is not its own.
+    is_coarse = usual_step(reading.odom_times) >= COARSE
+    if poses == "auto" and (is_coarse or reading.is_out_of_order):
         poses = "odom"
     return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, intake.path)
 
@@ -143,7 +148,9 @@ def _placed_by(
     ]
     wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
     source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
-    return replace(log, scans=scans, source=source, wheels=wheels, placed=True)
+    lost = f"{counted(len(log) - len(scans), 'scan')} before or after the {source} left out"
+    notes = (*log.notes, lost) if len(scans) < len(log) else log.notes
+    return replace(log, scans=scans, source=source, wheels=wheels, placed=True, notes=notes)
 
 
 def _by_name(
@@ -189,11 +196,10 @@ def _pose(found: Mapping[str, list[bytes]], prefix: str = "") -> Pose:
 
 def _ranges(words: list[bytes]) -> Float:
     try:
-        ranges = np.array([float(word) for word in words])
+        return np.array([float(word) for word in words])
     except ValueError as error:
         word = str(error).rpartition(": ")[2].lstrip("b")
         raise ValueError(f"reading {word[:40]}, expected a number") from None
-    return ranges
 
 
 def _robot(found: Mapping[str, list[bytes]]) -> Pose | None:
@@ -321,10 +327,15 @@ class _Reading:
         if untimed := sum(not row.timed for row in self.rows):
             self._note(f"no stamps on {untimed} scans: one each {UNTIMED:g} s assumed")
         fans = self._other_fans()
-        self._take_later_lines()
+        if self.is_out_of_order:
+            self._note("scans and ODOM messages were not in the order of their stamps: put in it")
+            self.rows.sort(key=lambda row: row.scan.time)
+            self._stamped["odom"].sort(key=lambda stamped: stamped[0])
+        else:
+            self._take_later_lines()
         scans = self._mounted()
         wheels = None
-        if odom := self._stamped["odom"]:
+        if (odom := self._stamped["odom"]) and not self.is_out_of_order:
             times, driven = (np.array(column) for column in zip(*odom, strict=True))
             places = np.array([row.place for row in self.rows])
             wheels = WheelRecord(times, driven, places, self._offset)
@@ -355,13 +366,24 @@ class _Reading:
                     scan=replace(row.scan, pose=pose), place=row.place + 1
                 )
 
-    @property
-    def is_coarse(self) -> bool:
-        """Whether scans have no poses of their own, and odometry is rare but has their clock."""
+    @cached_property
+    def odom_times(self) -> Float:
+        """Stamps (n,) of ODOM messages, if scans have their clock and no poses of their own."""
         times = np.array([time for time, _ in self._stamped["odom"]])
         stamps = [row.scan.time for row in self.rows]
         raw = all(self._kinds[row.laser][0] in RAW for row in self.rows)
-        return raw and usual_step(times) >= COARSE and times[0] <= np.median(stamps) <= times[-1]
+        is_known = raw and len(times) and times.min() <= np.median(stamps) <= times.max()
+        return times if is_known else np.empty(0)
+
+    @cached_property
+    def is_out_of_order(self) -> bool:
+        """Whether scans and the odometry of their poses stand apart, or are out of order."""
+        count = len(self.odom_times)
+        are_apart = {row.place for row in self.rows} in ({-1}, {count - 1})
+        poses = np.array([pose for _, pose in self._stamped["odom"]])
+        return count > 1 < len(self.rows) and (
+            are_apart or order_of(self.odom_times, poses) is not None
+        )
 
     def _other_fans(self) -> tuple[tuple[float, float], ...]:
         """First and last bearings of other fans that scans may have, if messages do not say."""

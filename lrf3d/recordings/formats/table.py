@@ -27,7 +27,7 @@ from lrf3d.recordings.formats.text.fans import (
     front_ends,
     in_one_piece,
 )
-from lrf3d.recordings.log import UNTIMED, Intake, LaserLog, WheelRecord
+from lrf3d.recordings.log import LARGEST_RANGE, UNTIMED, Intake, LaserLog, WheelRecord
 
 # What columns hold, and their units; of these, the first one is that of lrf3d.
 ROLES = {
@@ -204,7 +204,7 @@ class Table:
         base = self.poses()
         offset = np.array([self.settings.get("offset", 0.0), 0.0, 0.0])
         poses = np.zeros((len(ranges), 3)) if base is None else compose(base, offset)
-        ranges = np.where(ranges >= self.intake.limit, np.inf, ranges)
+        ranges = np.where(ranges >= (self.intake.largest_range or LARGEST_RANGE), np.inf, ranges)
         scans = [
             LaserScan(Pose(*pose), angles, row, time=time)
             for pose, row, time in zip(poses.tolist(), ranges, times.tolist(), strict=True)

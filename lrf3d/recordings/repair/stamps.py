@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.geometry.lines import Int
+from lrf3d.geometry.lines import Float, Int
 from lrf3d.recordings.repair import Repair
 from lrf3d.recordings.repair.recording import Recording
 
@@ -13,14 +13,12 @@ from lrf3d.recordings.repair.recording import Recording
 DETOUR = 0.5
 
 
-def find(recording: Recording) -> Int | None:
+def order_of(times: Float, poses: Float) -> Int | None:
     """The order (n,) that sorts odometry lines by their stamps; None if they stay as they are."""
-    times = recording.times
     order = np.argsort(times, kind="stable")
     # Lengths of the paths as they are and sorted [m].
     driven, shortest = (
-        float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
-        for poses in (recording.poses, recording.poses[order])
+        float(np.hypot(*np.diff(each[:, :2], axis=0).T).sum()) for each in (poses, poses[order])
     )
     falls = int((np.diff(times) < 0.0).sum())
     sort = shortest < driven - DETOUR or 2 * falls > max(len(times) - 1, 1)
@@ -44,7 +42,7 @@ def apply(recording: Recording, order: Int) -> Recording:
 
 STAMPS = Repair(
     "stamps",
-    find,
+    lambda recording: order_of(recording.times, recording.poses),
     apply,
     lambda _: "the log is out of order: sorted by its stamps",
     lambda order: {"put_in_order": order is not None},

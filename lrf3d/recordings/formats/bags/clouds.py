@@ -54,6 +54,13 @@ MOST = 0.9
 # [m] Half the height of the band around a lidar without a level ring.
 HALF_BAND = 0.2
 
+# [m] The heights of the points of planar lasers differ by less, also in the frame of their robot.
+FLAT = 0.05
+
+# Largest number of points of planar lasers in a usual step of bearings: four of a fine one's, twice
+# that of two.
+MOST_FLAT = 8
+
 # [rad] The largest elevation of the first layer above the level: layers are up to 2.2° apart, so
 # one is within 1.1° of it, and a little more.
 RISE = 0.021
@@ -262,17 +269,18 @@ class CloudScans:
         apart = np.median(np.abs(np.diff(elevations[like][order]))) if len(ranked) else np.inf
         step = step_of(bearings[like][order]) if apart < LEVEL else USUAL_STEP
         if self._ring is None:
-            self._words = self._band_words(rises=bool(apart >= LEVEL))
+            middle = self.height + _height_of_plane(places, bearings)
+            self._words = self._band_words(middle, rises=bool(apart >= LEVEL))
         self._beams = round(2.0 * np.pi / step)
         self._words += f", {counted(self._beams, 'beam')}"
 
-    def _band_words(self, *, rises: bool) -> str:
-        """Set the band of heights if none was given; the band in words."""
-        above = self.base or "the lidar, whose mount is unknown"
+    def _band_words(self, middle: float, *, rises: bool) -> str:
+        """Set the band around a height if none was given; the band in words."""
         if self.band is not None:
-            return f"points from {self.band[0]:g} to {self.band[1]:g} m above {above}"
+            frame = self.base or "the lidar, whose mount is unknown"
+            return f"points from {self.band[0]:g} to {self.band[1]:g} m above {frame}"
         self._rises = rises
-        self.band = self.height - HALF_BAND, self.height + HALF_BAND
+        self.band = middle - HALF_BAND, middle + HALF_BAND
         widening = f", or up to {np.degrees(RISE):.1f}° above it" if rises else ""
         return f"points within {HALF_BAND:g} m of the lidar's height{widening} (or give --height)"
 
@@ -315,6 +323,17 @@ class CloudScans:
         return Turning(
             start, way, positions + shift, begins - shift / abs(rate), 2.0 * np.pi / abs(rate)
         )
+
+
+def _height_of_plane(places: Float, bearings: Float) -> float:
+    """The height of points (n, 3) above the lidar's frame if all are of planar lasers; else 0.
+
+    In the frame of the robot, they have the height of the laser. Points on a floor are many in a
+    bearing.
+    """
+    looked = len(np.unique(np.round(bearings / USUAL_STEP)))
+    is_plane = np.ptp(places[:, 2]) < FLAT and ENOUGH <= len(places) <= MOST_FLAT * looked
+    return float(np.median(places[:, 2])) if is_plane else 0.0
 
 
 def step_of(bearings: Float) -> float:

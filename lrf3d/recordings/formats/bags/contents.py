@@ -35,6 +35,9 @@ OLD_TRANSFORMS = "tf/msg/tfMessage"
 # How far bearings may differ from what a message says, because it rounds them [rad].
 ROUNDED = 0.01
 
+# Largest number of different readings in a scan that stand for no return.
+MOST_CODES = 4
+
 # The frame of odometry, as REP 105 calls it.
 DRIFTING = "odom"
 
@@ -53,6 +56,7 @@ class ScanStream:
     fans: tuple[tuple[float, float], ...] = ()
     note: str = ""
     clouds: CloudScans | None = None
+    outside: int = 0
 
     @property
     def words(self) -> str:
@@ -91,6 +95,10 @@ class ScanStream:
                 f"the angle_max of {self.topic} is {(high - last) / step:.2g} angle_increment past"
                 " its last beam: beams lie an increment apart"
             )
+        sent = np.asarray(message.ranges, dtype=np.float64)
+        outside = sent[np.isfinite(sent) & (sent > 0.0) & ~np.isfinite(scan.ranges)]
+        # A few numbers beyond the limits stand for no return.
+        self.outside += len(outside) * (len(np.unique(outside)) > MOST_CODES)
         # A range finder whose range_max is infinite does not measure such ranges either.
         scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
         if self.scans and np.array_equal(self.scans[-1].angles, scan.angles):
@@ -184,19 +192,16 @@ class Contents:
 
     def take_transforms(self, topic: str, message: Any, received: int, number: int) -> None:
         """Read transforms."""
-        for each in message.transforms:
-            self._take_transform(topic, each, received, number)
-
-    def _take_transform(self, topic: str, message: Any, received: int, number: int) -> None:
-        above = _frame(message.header.frame_id)
-        new = above, FrameTrack(is_static=topic.endswith(STATIC_FRAMES))
         edges = self.edges[topic.rpartition("/")[0]]
-        parent, track = edges.setdefault(_frame(message.child_frame_id), new)
-        # A frame has one parent; if programs publish different ones, the first counts.
-        if parent == above:
-            moved = message.transform
-            stamp = _stamp(message), received, number
-            track.add_pose(moved.translation, moved.rotation, *stamp)
+        for each in message.transforms:
+            above = _frame(each.header.frame_id)
+            new = above, FrameTrack(is_static=topic.endswith(STATIC_FRAMES))
+            parent, track = edges.setdefault(_frame(each.child_frame_id), new)
+            # A frame has one parent; if programs publish different ones, the first counts.
+            if parent == above:
+                moved = each.transform
+                stamp = _stamp(each), received, number
+                track.add_pose(moved.translation, moved.rotation, *stamp)
 
 
 # What reads a message of a type: into the contents, from a topic, received at a time [ns], with its

@@ -136,12 +136,13 @@ class FrameMotion:
     def at(self, times: Int) -> Float:
         """Its poses (k, 4, 4) at times (k,) [ns], interpolated linearly between two stamps.
 
-        They are unknown before the first stamp and after the last; those of a frame that never
-        moves are always the same.
+        They are unknown before the first stamp and after the last; those of a fixed
+        frame are each valid until the next.
         """
         first, last = self.times[[0, -1]]
         if not self.moves:
-            matrices = np.tile(_matrices(self.rows[:1]), (len(times), 1, 1))
+            latest = np.searchsorted(self.times, times, side="right") - 1
+            matrices = _matrices(self.rows[np.maximum(latest, 0)])
         else:
             # Seconds from the first stamp: float64 has no room for nanoseconds since 1970.
             own = NANO * (self.times - first)

@@ -8,6 +8,7 @@ from os.path import basename, commonpath, dirname
 import numpy as np
 
 from lrf3d.base.errors import InputError, one_line
+from lrf3d.base.text import counted
 from lrf3d.base.units import NANO
 from lrf3d.geometry.lines import usual_step
 from lrf3d.geometry.pose import Pose
@@ -33,9 +34,6 @@ CLOCKS_APART = 2 * BACK
 # Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane.
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
 
-# The pose of a laser whose poses are unknown.
-STANDING = np.eye(4)
-
 
 def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
     """The scans of the robot of the first stream, with the poses of the wanted source."""
@@ -47,6 +45,11 @@ def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
     used = _streams_of(robot, contents)
     notes.extend(filter(None, (robot.coarse, robot.others)))
     notes.extend(dict.fromkeys(filter(None, (each.note for each in used))))
+    notes.extend(
+        f"left out: {counted(each.outside, 'reading')} of {each.topic} beyond its limits"
+        for each in used
+        if each.outside
+    )
     if len(used) > 1:
         notes.append("lasers: " + ", ".join(each.words for each in used))
     scans = [scan for each in used for scan in robot.placed(each)]
@@ -96,8 +99,10 @@ def _part(contents: Contents, stream: ScanStream, wanted: int | None) -> BagPart
         raise InputError(f"{path}: no part {wanted}: the stamps of its scans make {count} of them")
     if not len(back):
         return BagPart(back, 0)
-    found = f"the stamps of {stream.topic} go back at message {numbers[back[0]]}"
-    found += f" from {NANO * sent[back[0] - 1]:.10g} to {NANO * sent[back[0]]:.10g} s"
+    found = (
+        f"the stamps of {stream.topic} go back at message {numbers[back[0]]}"
+        f" from {NANO * sent[back[0] - 1]:.10g} to {NANO * sent[back[0]]:.10g} s"
+    )
     if count > MOST_PARTS:
         notes.append(f"{found}, and {count - 2} times more: times of receipt count")
         return BagPart(back[:0], 0, by_receipt=True)
@@ -288,7 +293,7 @@ class _Robot:
         times, inside = stream.track.times(self.part)
         mounted = frames.poses(stream.frame, self._base, times)
         if not self.source:
-            laser = np.where(np.isfinite(mounted), STANDING, np.nan)
+            laser = np.where(np.isfinite(mounted), np.eye(4), np.nan)
             laser[:, 2, 2] = mounted[:, 2, 2]
         elif self.source in self._tracks:
             motion = self._tracks[self.source].within(self.part)

@@ -120,21 +120,22 @@ def _holds_poses(form: Form) -> bool:
 
 def formats_for(form: Form) -> list[str]:
     """Formats that may read a text in which nothing was found."""
-    rows = np.array([values_of(words) for words in form.sample if len(words) == form.length])
     specs = list[str]()
     if form.length <= SHORT and not _holds_poses(form):
-        fits = [k for k in range(min(form.length, 2)) if swept(rows[:, k]) > LEAST_SWEEP]
+        columns = form.table.T
+        fits = [k for k in range(min(form.length, 2)) if swept(columns[k]) > LEAST_SWEEP]
         # Ranges have no sign, coordinates have.
-        specs = [f"angles@{k + 1}, ranges@{2 - k}" for k in fits if not (rows[:, 1 - k] < 0).any()]
+        specs = [f"angles@{k + 1}, ranges@{2 - k}" for k in fits if not (columns[1 - k] < 0).any()]
     elif form.length > SHORT and form.is_steady:
-        specs = [_wide_format(form, rows)]
+        specs = [_wide_format(form)]
     return [
         spec.replace("ranges", f"ranges{unit}") for spec in specs for unit in ("", ":mm") if spec
     ]
 
 
-def _wide_format(form: Form, rows: Float) -> str:
+def _wide_format(form: Form) -> str:
     """A format of a scan a line at usual bearings; "" if none fit, or the numbers are no ranges."""
+    rows = form.table
     stamped = rises(form.sample, 0)
     # Words after the numbers are labels.
     end = int(np.flatnonzero(np.isfinite(rows).any(axis=0)).max(initial=-1)) + 1
@@ -278,8 +279,7 @@ def _by_echo(form: Form) -> Layout | None:
 def _by_sweep(form: Form) -> Layout | None:
     if not form.is_steady or not 2 <= form.length <= SHORT:
         return None
-    rows = [words for words in form.sample if len(words) == form.length]
-    columns = [values_of(words) for words in zip(*rows, strict=True)]
+    columns = [*form.table.T]
     varied = [k for k, column in enumerate(columns) if len({*column.tolist()}) > VARIED]
     for place in _bearings_among(columns):
         if others := [k for k in varied if k != place]:
@@ -368,8 +368,7 @@ def _by_length(form: Form) -> Layout | None:
     for names in (stamp, [*stamp, "x", "y", "theta"]):
         place = len(names)
         if form.has_numbers and form.length - place in FANS and not _counts_up(form, place):
-            last = [words[place - 1] for words in form.sample if len(words) == form.length]
-            if names == stamp or (np.abs(values_of(last)) <= LARGEST_HEADING).all():
+            if names == stamp or (np.abs(form.table[:, place - 1]) <= LARGEST_HEADING).all():
                 return _in_order(form, stamp, names != stamp)
     return None
 
@@ -386,10 +385,9 @@ def _in_order(form: Form, stamp: Words, placed: bool) -> Layout:
 
 def _poses_are_last(form: Form, begin: int) -> bool:
     """Whether the last three columns have many negative numbers, which the first three have not."""
-    rows = np.array([values_of(words) for words in form.sample if len(words) == form.length])
     # A single negative number is that of beams without return.
     first, last = (len({*each[each < 0.0].tolist()}) > 1
-                   for each in (rows[:, begin : begin + 3], rows[:, -3:]))  # fmt: skip
+                   for each in (form.table[:, begin : begin + 3], form.table[:, -3:]))  # fmt: skip
     return last and not first
 
 
@@ -403,15 +401,14 @@ def _counts_up(form: Form, place: int) -> bool:
 
     Such columns would be taken for the first beams.
     """
-    rows = [words for words in form.sample if len(words) == form.length]
-    table = np.array([values_of(words[place : place + FIRST_COLUMNS]) for words in rows])
+    table = form.table[:, place : place + FIRST_COLUMNS]
     # Missing readings become 0, so that a column with some of them also falls.
     table = np.where(np.isfinite(table), table, 0.0)
     steps = np.diff(table, axis=0)
     rising = (steps >= 0.0).all(axis=0) & (steps > 0.0).any(axis=0)
     usual = np.median(table)
     apart = np.abs(np.log(np.maximum(np.abs(table[-1]), ROUNDING) / max(usual, ROUNDING)))
-    return len(rows) > 2 and bool((rising & (apart > np.log(OTHER_SCALE))).any())
+    return len(table) > 2 and bool((rising & (apart > np.log(OTHER_SCALE))).any())
 
 
 GUESSES = [

@@ -30,6 +30,7 @@ from lrf3d.recordings.formats.text.lines import (
     parsed,
     texts_of,
     trimmed,
+    values_of,
 )
 from lrf3d.recordings.log import Intake
 
@@ -100,6 +101,11 @@ class Form:
     def width(self) -> int:
         """Number of columns: the largest number of words of a line, or of names."""
         return max(map(len, [self.header, *self.sample]))
+
+    @cached_property
+    def table(self) -> Float:
+        """The numbers of the lines of the usual length (k, length); NaN for other words."""
+        return np.array([values_of(words) for words in self.sample if len(words) == self.length])
 
     @property
     def is_steady(self) -> bool:

@@ -22,8 +22,9 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.base.errors import InputError, shown
+from lrf3d.base.formats import head_of
 from lrf3d.geometry.lines import Float
-from lrf3d.recordings.formats.arrays import is_records, records
+from lrf3d.recordings.formats.arrays import BEGINNING, are_records, records
 from lrf3d.recordings.formats.table import ROLES, SETTINGS, Table, padded
 from lrf3d.recordings.formats.text.guesses import by_names, formats_for, layout_of
 from lrf3d.recordings.formats.text.layout import Form, Layout, described, form_of
@@ -148,7 +149,7 @@ def _take_poses(table: Table, other: Table, name: str) -> None:
 def _partner_table(path: Path, spec: str) -> Table:
     """The table of a file of odometry, by its format, its header or its number of columns."""
     intake = Intake(path)
-    if is_records(path):
+    if are_records(head_of(path, BEGINNING)):
         return Table.named(intake, records(intake))
     form = form_of(path)
     layout = described(spec, []) if spec else by_names(form)
