@@ -110,7 +110,6 @@ DOORS = {
     "Run.part": lambda run, wrong: run.part(wrong),
     "Run.map_after": lambda run, wrong: run.map_after(wrong),
     "executor": lambda run, wrong: lrf3d.sweep("paper_room", seeds=1, executor=wrong),
-    "trace": lambda run, wrong: lrf3d.PlanarCaster(ROOM).trace(run.lrf, wrong),
     "directions": lambda run, wrong: run.lrf.directions(wrong),
     "Simulation film": lambda run, wrong: lrf3d.Simulation(ROOM, [(1, 1, 0)], film=wrong),
     "odometry": lambda run, wrong: lrf3d.Simulation(ROOM, [(1, 1, 0)], odometry=wrong),

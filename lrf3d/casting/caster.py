@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.base.cores import share
-from lrf3d.base.errors import InputError, expect, shown
+from lrf3d.base.errors import InputError, expect
 from lrf3d.casting.crowd import records
 from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
 from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
@@ -32,7 +32,6 @@ from lrf3d.geometry.lines import (
     Bool,
     Float,
     Int,
-    Records,
     as_table,
     sealed,
 )
@@ -170,19 +169,13 @@ class PlanarCaster:
         ways = as_table(directions, "directions", 2)
         if len(starts) != len(ways):
             raise InputError(f"{len(starts)} origins, {len(ways)} directions: expected as many")
-        return self.trace(lrf or UNLIMITED, records(RAY, *starts.T, *ways.T, 0.0))
-
-    def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
-        """Ranges and walls (n,) of rays (n,) to their first walls, within the laser's limits."""
-        expect(lrf, LaserRangeFinder, "range finder")
-        if not isinstance(rays, np.ndarray) or rays.dtype != RAY or rays.ndim != 1:
-            raise InputError(
-                f"rays {shown(rays)}: expected records (n,) of x, y, dx, dy, time; for poses cast"
-            )
+        laser = lrf or UNLIMITED
+        expect(laser, LaserRangeFinder, "range finder")
+        rays = records(RAY, *starts.T, *ways.T, 0.0)
         ranges = np.empty(len(rays))
         walls = np.empty(len(rays), np.int64)
-        tree = self._plain(lrf.height)
-        limits = (float(lrf.range_min), float(lrf.range_max))
+        tree = self._plain(laser.height)
+        limits = laser.plain[-2:]
         invalid = []
 
         def work(start: int, stop: int) -> None:
@@ -199,6 +192,18 @@ class PlanarCaster:
                 f"ray {first} from {(x, y)} along {(dx, dy)}: expected finite numbers of at most"
                 f" {LARGEST_COORDINATE:g}, and a direction with a length"
             )
+        return ranges, walls
+
+    def along(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
+        """Ranges and walls (beams,) up to the first walls, of beams from poses (beams, 3).
+
+        Poses (1, 3) are of all beams.
+        """
+        ranges = np.empty(lrf.beams)
+        walls = np.empty(lrf.beams, np.int64)
+        # The kernel does not look at what it is given.
+        places = np.ascontiguousarray(poses, np.float64)
+        _scanner()(self._plain(lrf.height), lrf.plain, places, ranges, walls)
         return ranges, walls
 
     def chains(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,9 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.world import World
 from lrf3d.world.mesh import extrude
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 # Largest difference [m] of two ranges that agree.
 AGREEMENT = 1e-9
@@ -129,14 +133,14 @@ def crosscheck(
     poses = as_poses(poses)
     world = World(world.segments, world.objects, world.heights)
     planar = PlanarCaster(world)
-    embree = BareEmbree(world)
+    mesh = extrude(world)
     largest = 0.0
     hits = 0
     found = [(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 2), np.int64))]
     # With 181 beams trimesh's arrays for 256 poses take 20 MB.
     for start in range(0, len(poses), 256):
         part = poses[start : start + 256]
-        both = planar.scan_batch(lrf, part), embree.scan_batch(lrf, part)
+        both = planar.scan_batch(lrf, part), bare_scans(world, mesh, lrf, part)
         ranges, walls = (np.stack(answers, axis=2) for answers in zip(*both, strict=True))
         with np.errstate(invalid="ignore"):
             gap = np.abs(ranges[..., 0] - ranges[..., 1])
@@ -158,32 +162,28 @@ def crosscheck(
     )
 
 
-class BareEmbree:
-    """Casts at the extruded walls with trimesh's ``intersects_location``, over Embree."""
+def bare_scans(
+    world: World, mesh: Trimesh, lrf: LaserRangeFinder, poses: Float
+) -> tuple[Float, Int]:
+    """Ranges and walls (k, beams) from poses (k, 3), at the mesh of the extruded walls of a world.
 
-    def __init__(self, world: World) -> None:
-        self.mesh = extrude(world)
-        self._centre = world.origin
-
-    def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
-        """Ranges and walls (k, beams) from poses (k, 3)."""
-        shape = len(poses), lrf.beams
-        rays = np.zeros((2, *shape, 3))
-        rays[0, ..., :2] = (poses[:, :2] - self._centre)[:, None]
-        rays[0, ..., 2] = lrf.height
-        for row, pose in zip(rays[1], poses, strict=True):
-            row[:, :2] = lrf.directions(pose)
-        start, way = rays.reshape(2, -1, 3)
-        ranges = np.full(len(start), np.inf)
-        walls = np.full(len(start), -1)
-        if len(self.mesh.faces):
-            places, ray, triangle = self.mesh.ray.intersects_location(
-                start, way, multiple_hits=False
-            )
-            ranges[ray] = np.einsum("ij,ij->i", places - start[ray], way[ray])
-            walls[ray] = triangle // 2
-        ranges = within_limits(ranges, lrf.range_min, lrf.range_max)
-        return ranges.reshape(shape), np.where(np.isfinite(ranges), walls, -1).reshape(shape)
+    They are those of trimesh's ``intersects_location``, over Embree.
+    """
+    shape = len(poses), lrf.beams
+    rays = np.zeros((2, *shape, 3))
+    rays[0, ..., :2] = (poses[:, :2] - world.origin)[:, None]
+    rays[0, ..., 2] = lrf.height
+    for row, pose in zip(rays[1], poses, strict=True):
+        row[:, :2] = lrf.directions(pose)
+    start, way = rays.reshape(2, -1, 3)
+    ranges = np.full(len(start), np.inf)
+    walls = np.full(len(start), -1)
+    if len(mesh.faces):
+        places, ray, triangle = mesh.ray.intersects_location(start, way, multiple_hits=False)
+        ranges[ray] = np.einsum("ij,ij->i", places - start[ray], way[ray])
+        walls[ray] = triangle // 2
+    ranges = within_limits(ranges, lrf.range_min, lrf.range_max)
+    return ranges.reshape(shape), np.where(np.isfinite(ranges), walls, -1).reshape(shape)
 
 
 def resolution(world: World, lrf: LaserRangeFinder) -> float:

@@ -202,6 +202,8 @@ def _level_layers(
     expect(lrf, LaserRangeFinder, "range finder")
     angles: Float = np.asarray(numbers(elevations, "elevations"), dtype=np.float64)
     if angles.ndim != 1 or not np.isfinite(angles).all() or not is_finite(pitch, roll):
-        found = f"layers at {shown(elevations)}, pitch {shown(pitch)}, roll {shown(roll)}"
-        raise InputError(f"{found}: expected finite numbers of radians")
+        raise InputError(
+            f"layers at {shown(elevations)}, pitch {shown(pitch)}, roll {shown(roll)}: expected"
+            " finite numbers of radians"
+        )
     return np.asarray((angles == 0.0) & (pitch == 0.0 == roll))

@@ -133,7 +133,7 @@ def as_rows(values: Any, name: str, columns: int, *, least: int = 0, row: str = 
 def is_finite(*values: object) -> bool:
     """Whether all values from outside are finite numbers; texts and None are not."""
     try:
-        return all(math.isfinite(value) for value in values)  # type: ignore[arg-type]
+        return all(map(math.isfinite, values))  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         return False
 

@@ -80,8 +80,11 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
 
 
 def _warn_of_degrees(theta: float) -> None:
-    advice = f"for degrees write math.radians({theta:g})"
-    warnings.warn(f"pose: theta {theta:g} is read as radians; {advice}", Lrf3dWarning, stacklevel=3)
+    warnings.warn(
+        f"pose: theta {theta:g} is read as radians; for degrees write math.radians({theta:g})",
+        Lrf3dWarning,
+        stacklevel=3,
+    )
 
 
 def as_poses(poses: object) -> Float:

@@ -337,8 +337,10 @@ class DriveVectorEnv(_Limited, VectorEnv[Observation, Array, Array]):
         measured = sensor.noisy_ranges(batch, self.np_random)
         if measured is None:
             scans = scans or [
-                LaserScan.unchecked(lrf, Pose(*pose.tolist()), *row).at_time(time)
-                for pose, time, *row in zip(poses, self._times, truth, walls, strict=True)
+                LaserScan.unchecked(lrf, Pose(*pose), *row, time=time)
+                for pose, time, *row in zip(
+                    poses.tolist(), self._times.tolist(), truth, walls, strict=True
+                )
             ]
             measured = np.array([sensor.noisy(scan, self.np_random).ranges for scan in scans])
         return measured, batch.ranges, batch.walls

@@ -98,6 +98,4 @@ class CloudObserver:
 
 
 def _shape(sensor: Lidar | DepthCamera) -> tuple[int, int]:
-    if isinstance(sensor, Lidar):
-        return len(sensor.elevations), sensor.columns
-    return sensor.height, sensor.width
+    return len(sensor.slopes), sensor.planar.beams

@@ -11,6 +11,7 @@ from lrf3d.laser.noise import (
     ProportionalNoise,
     Quantised,
     RangeNoise,
+    with_ranges,
 )
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions, layer_directions
 from lrf3d.laser.ros_scan import Stamp
@@ -40,4 +41,5 @@ __all__ = [
     "imperfect",
     "layer_directions",
     "reflection_points",
+    "with_ranges",
 ]

@@ -24,7 +24,7 @@ from lrf3d.geometry.lines import (
 )
 from lrf3d.geometry.pose import Pose, as_pose
 from lrf3d.laser.lidar import MOST_BEAMS, RAISED, Mounted
-from lrf3d.laser.range_finder import LaserRangeFinder, turn
+from lrf3d.laser.range_finder import LaserRangeFinder, oriented
 
 # [rad] Largest field of view of a pinhole camera.
 WIDEST = math.radians(179)
@@ -108,12 +108,7 @@ class DepthCamera(Mounted):
         ahead = np.ones(shape)
         left = np.broadcast_to(self.lefts, shape)
         up = np.broadcast_to(self.slopes[:, None], shape)
-        pitch, roll = self.mount[4:]
-        left, up = turn(left, up, math.cos(roll), math.sin(roll))
-        ahead, up = turn(ahead, up, math.cos(pitch), -math.sin(pitch))
-        theta = as_pose(pose).theta
-        ahead, left = turn(ahead, left, math.cos(theta), math.sin(theta))
-        return np.stack([ahead, left, up], axis=2)
+        return oriented(ahead, left, up, as_pose(pose).theta, *self.mount[4:])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -25,6 +25,7 @@ from lrf3d.laser.noise import (
     Unscattered,
     check_scan,
     known_range_max,
+    with_ranges,
 )
 from lrf3d.laser.range_finder import ECHO_CHOICES, LaserRangeFinder
 
@@ -64,7 +65,7 @@ class AngleNoise(Unscattered):
             sealed(np.ascontiguousarray(scan.walls, np.int64).reshape(rows)),
             ranges.reshape(rows),
         )
-        return replace(scan, ranges=ranges)
+        return with_ranges(scan, sealed(ranges))
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,9 +23,17 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from lrf3d.base.errors import InputError, expect, shown
-from lrf3d.geometry.lines import Float, generator, least_of, number
+from lrf3d.geometry.lines import (
+    LARGEST_COORDINATE,
+    Float,
+    generator,
+    least_of,
+    number,
+    read_only,
+    sealed,
+)
 from lrf3d.laser.range_finder import LaserRangeFinder, within_limits
-from lrf3d.laser.scan import LaserScan, ScanBatch
+from lrf3d.laser.scan import LaserScan, ScanBatch, returned
 
 Rng = np.random.Generator | int
 
@@ -97,6 +105,33 @@ def check_scan(scan: object) -> None:
         expect(scan, LaserScan, "scan")
 
 
+def with_ranges(scan: Scan, ranges: Float) -> Scan:
+    """A scan, or a batch, with new ranges of its shape [m]: what most noises return.
+
+    For one scan it takes a third of the time of ``dataclasses.replace``, which checks all again.
+
+    Raises:
+        InputError: They are not as many numbers.
+
+    Examples:
+        >>> import lrf3d
+        >>> from lrf3d.laser import with_ranges
+        >>> scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.5], [1.0, 2.0], range_max=9.0)
+        >>> with_ranges(scan, scan.ranges + 0.25).ranges.tolist()
+        [1.25, 2.25]
+    """
+    if not isinstance(scan, LaserScan):
+        return replace(scan, ranges=ranges)
+    distances = read_only(ranges, "ranges")
+    if distances.shape != scan.ranges.shape:
+        raise InputError(f"ranges {distances.shape}: expected {scan.ranges.shape}, one a beam")
+    made = scan.at_time(scan.time)
+    made.__dict__["ranges"] = returned(distances, min(scan.range_max, LARGEST_COORDINATE))
+    # They may be those of the other ranges.
+    made.__dict__.pop("hits", None)
+    return made
+
+
 def as_noise(noise: Any) -> Noise:
     """A noise that comes from outside, checked to be a function of a scan and an rng."""
     try:
@@ -149,7 +184,7 @@ class Gaussian:
         ranges += scan.ranges
         if least_of(ranges) < 0.0:
             ranges[(ranges < 0.0) & np.isfinite(ranges)] = 0.0
-        return replace(scan, ranges=ranges)
+        return with_ranges(scan, sealed(ranges))
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +220,7 @@ class ConstantNoise(Gaussian):
 
 def known_range_max(scan: LaserScan | ScanBatch) -> float:
     """The range_max [m] of a scan, which must not be unknown."""
-    if not np.isfinite(scan.range_max):
+    if scan.range_max == np.inf:
         raise InputError("scan without range_max, by which its noise is scaled: give one")
     return scan.range_max
 
@@ -209,7 +244,7 @@ class Quantised(Unscattered):
 
     def __call__(self, scan: Scan, rng: Any) -> Scan:
         """Return the scan with rounded ranges; infinities stay."""
-        return replace(scan, ranges=np.round(scan.ranges / self.step) * self.step)
+        return with_ranges(scan, sealed(np.round(scan.ranges / self.step) * self.step))
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +256,7 @@ class Limits(Unscattered):
 
     def __call__(self, scan: Scan, rng: Any) -> Scan:
         """Return the scan with +inf or −inf for the ranges beyond its limits."""
-        return replace(scan, ranges=within_limits(scan.ranges, scan.range_min, scan.range_max))
+        return with_ranges(scan, sealed(within_limits(scan.ranges, scan.range_min, scan.range_max)))
 
 
 @dataclass(frozen=True, slots=True)

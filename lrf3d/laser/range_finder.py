@@ -100,10 +100,13 @@ class LaserRangeFinder(Value):
         # [rad] An unrolled scan of a full turn may be wider, but by less than half a turn.
         widest = 3 * math.pi
         if max(-self.angle_min, self.angle_max, width := self.angle_max - self.angle_min) > widest:
-            text = f"range finder: angles from {self.angle_min:g} to {self.angle_max:g} rad are a"
-            advice = f"for degrees write math.radians({self.angle_max:g})"
-            wide = f"field of {math.degrees(width):.0f}°"
-            warnings.warn(f"{text} {wide}; {advice}", Lrf3dWarning, stacklevel=3)
+            warnings.warn(
+                f"range finder: angles from {self.angle_min:g} to {self.angle_max:g} rad are a"
+                f" field of {math.degrees(width):.0f}°;"
+                f" for degrees write math.radians({self.angle_max:g})",
+                Lrf3dWarning,
+                stacklevel=3,
+            )
         check("range_max", positive=True, most=LARGEST_COORDINATE)
         check("range_min", "metres below range_max", most=math.nextafter(self.range_max, 0.0))
         check("height", least=-LARGEST_COORDINATE)
@@ -116,15 +119,19 @@ class LaserRangeFinder(Value):
             count = whole_number(getattr(self, name), f"range finder: {name}", most=most)
             object.__setattr__(self, name, count)
         if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z]\w*", self.name, re.A):
-            found = f"range finder: name {shown(self.name)}"
-            raise InputError(f"{found}: expected letters, digits and underscores, a letter first")
+            raise InputError(
+                f"range finder: name {shown(self.name)}: expected letters, digits and underscores,"
+                " a letter first"
+            )
         try:
             mount = as_pose(self.mount)
         except InputError as error:
             raise InputError(f"{self.name}: mount: {error}") from None
         if math.hypot(mount.x, mount.y) > FARTHEST_MOUNT or abs(mount.theta) > LARGEST_ANGLE:
-            found = f"{self.name}: mount {tuple(mount)}"
-            raise InputError(f"{found}: expected x, y up to {FARTHEST_MOUNT:g} m and radians")
+            raise InputError(
+                f"{self.name}: mount {tuple(mount)}: expected x, y up to {FARTHEST_MOUNT:g} m and"
+                " radians"
+            )
         object.__setattr__(self, "mount", mount)
 
     def placed(self, poses: Float) -> Float:
@@ -222,10 +229,17 @@ def layer_directions(
     ahead = np.cos(rise) * lrf.fan[0]
     left = np.cos(rise) * lrf.fan[1]
     up = np.broadcast_to(np.sin(rise), ahead.shape)
+    return oriented(ahead, left, up, theta, pitch, roll)
+
+
+def oriented(
+    ahead: Float, left: Float, up: Float, theta: float, pitch: float, roll: float
+) -> Float:
+    """Vectors (…, 3) in the world of those of a sensor with a heading, a pitch and a roll [rad]."""
     left, up = turn(left, up, math.cos(roll), math.sin(roll))
     ahead, up = turn(ahead, up, math.cos(pitch), -math.sin(pitch))
-    flat = turned(np.array([ahead.ravel(), left.ravel()]), theta)
-    return np.column_stack([flat, up.ravel()]).reshape(*ahead.shape, 3)
+    ahead, left = turn(ahead, left, math.cos(theta), math.sin(theta))
+    return np.stack([ahead, left, up], axis=-1)
 
 
 def turned(fan: Float, theta: float) -> Float:

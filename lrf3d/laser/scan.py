@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -165,8 +165,9 @@ class LaserScan(Value, Pictured):
 
     @classmethod
     def unchecked(
-        cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int, *light: Float | None
-    ) -> LaserScan:
+        cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int, *light: Float | None,
+        time: float = 0.0, motion: Float | None = None,
+    ) -> LaserScan:  # fmt: skip
         """The scan of new arrays of a caster: they are made read-only, not checked or copied.
 
         The light is that of its attributes: intensities, echoes and echo_intensities, if known.
@@ -174,22 +175,19 @@ class LaserScan(Value, Pictured):
         scan = object.__new__(cls)
         # What is left out has its default in the class: a scan costs microseconds.
         own = scan.__dict__
-        own.update(lrf.of_scans, pose=pose, ranges=sealed(ranges), walls=sealed(walls))
+        own.update(lrf.of_scans, pose=pose, ranges=sealed(ranges), walls=sealed(walls), time=time)
+        if motion is not None:
+            own["motion"] = sealed(motion)
         if light:
             for name, values in zip(LIGHT, light, strict=False):
                 if values is not None:
                     own[name] = sealed(values)
         return scan
 
-    def at_time(self, time: float, motion: Float | None = None) -> LaserScan:
-        """The same scan at another time of its first beam [s], with the motion of its robot.
-
-        Nothing is checked or copied.
-        """
+    def at_time(self, time: float) -> Self:
+        """The same scan at another time of its first beam [s]; nothing is checked or copied."""
         scan = object.__new__(type(self))
         scan.__dict__.update(self.__dict__, time=time)
-        if motion is not None:
-            scan.__dict__["motion"] = sealed(motion)
         return scan
 
     @property
@@ -239,7 +237,7 @@ class ScanBatch:
     """Scans (k,) of one range finder, which noises take at once.
 
     Angles (beams,) and limits are those of `LaserScan`; ranges, walls, and light have an axis more
-    than there, of the scans. A noise changes it by ``dataclasses.replace`` as well.
+    than there, of the scans. A noise changes it by ``dataclasses.replace``.
     """
 
     angles: Float
@@ -258,16 +256,18 @@ class ScanBatch:
     def of(cls, scans: Sequence[LaserScan]) -> ScanBatch:
         """Scans, at least one, as one value; their poses and times are left out."""
         first = scans[0]
-        names = ("ranges", "walls", *LIGHT)
-        known = [name for name in names if getattr(first, name) is not None]
-        rows = {name: np.array([getattr(scan, name) for scan in scans]) for name in known}
+        rows = {
+            name: np.array([getattr(scan, name) for scan in scans])
+            for name in ("ranges", "walls", *LIGHT)
+            if getattr(first, name) is not None
+        }
         return cls(first.angles, range_min=first.range_min, range_max=first.range_max, **rows)
 
 
 def _check_angles(angles: Float) -> None:
-    inside = np.abs(angles) <= LARGEST_ANGLE
-    if not inside.all():
-        beam = int(np.argmin(inside))
+    spare = LARGEST_ANGLE - np.abs(angles)
+    if not least_of(spare) >= 0.0:
+        beam = int(np.argmin(spare >= 0.0))
         raise InputError(
             f"scan with the angle {angles[beam]:g} of beam {beam}: expected at most"
             f" ±{LARGEST_ANGLE:g} rad"
@@ -280,9 +280,9 @@ def returned(ranges: Float, range_max: float) -> Float:
     Negative ones, which noise makes of short ones, are too near, −inf.
     """
     within = ranges < range_max
-    # Nearly all scans stay as they are.
-    missed = np.count_nonzero(ranges == np.inf)
-    if least_of(ranges) >= 0.0 and np.count_nonzero(within) + missed == ranges.size:
+    # Nearly all scans stay as they are, and in many all beams returned.
+    rest = ranges.size - np.count_nonzero(within)
+    if least_of(ranges) >= 0.0 and (not rest or np.count_nonzero(ranges == np.inf) == rest):
         return ranges
     return sealed(np.where(ranges < 0.0, -np.inf, np.where(within, ranges, np.inf)))
 

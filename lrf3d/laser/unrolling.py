@@ -67,8 +67,7 @@ def together(scans: Sequence[LaserScan]) -> LaserScan:
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in known}
     arrays["angles"] = wrap_angle(arrays["angles"])
     order = np.argsort(arrays["angles"], kind="stable")
-    values: dict[str, Any] = dict.fromkeys(LIGHT)
-    values |= {name: each[order] for name, each in arrays.items()}
+    values: dict[str, Any] = dict.fromkeys(LIGHT) | {n: each[order] for n, each in arrays.items()}
     return replace(
         scans[0],
         **values,

@@ -29,6 +29,7 @@ from lrf3d.laser import (
 )
 from lrf3d.laser.cloud_sensors import CloudSensors
 from lrf3d.laser.lidar import tilted
+from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.scan import ScanBatch
 from lrf3d.robot.attitude import LEVEL
 from lrf3d.world import World
@@ -121,14 +122,11 @@ def measured(
     """Measured ranges (…, beams) from true ones and the walls that they hit."""
     # Noises of users are checked once, where a chain is made.
     chain = noise if isinstance(noise, Chain) else Chain([noise])
-    near, far = fan.range_min, fan.range_max
     if chain.batched:
-        found = chain(ScanBatch(fan.angles, ranges, walls, near, far), rng).ranges
+        batch = ScanBatch(fan.angles, ranges, walls, fan.range_min, fan.range_max)
+        found = chain(batch, rng).ranges
     else:
         rows = zip(ranges.reshape(-1, fan.beams), walls.reshape(-1, fan.beams), strict=True)
-        scans = [
-            LaserScan((0.0, 0.0, 0.0), fan.angles, *row, range_min=near, range_max=far)
-            for row in rows
-        ]
+        scans = [LaserScan.unchecked(fan, CENTRE, *row) for row in rows]
         found = np.array([chain(scan, rng).ranges for scan in scans]).reshape(ranges.shape)
-    return np.where((found < near) & (found > -np.inf), -np.inf, found)
+    return np.where(found < fan.range_min, -np.inf, found)

@@ -264,7 +264,9 @@ class Run(Value, Pictured):
             as_pose(lrf.placed(self.trajectory.poses[index])),
             returned(ranges[index, beams], lrf.range_max),
             self.walls[index, beams],
-        ).at_time(float(self.trajectory.times[index]), motion)
+            time=float(self.trajectory.times[index]),
+            motion=motion,
+        )
         rows: dict[str, Any] = {name: values[index, beams] for name, values in light.items()}
         return replace(scan, **rows) if rows else scan
 

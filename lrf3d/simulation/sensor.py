@@ -18,11 +18,11 @@ from lrf3d.casting.crowd import Crowd, moves_of
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.movers import poses_along
-from lrf3d.casting.kernels.scans import laser_of, rays_from
+from lrf3d.casting.kernels.scans import rays_from
 from lrf3d.casting.skyline import Conditions
 from lrf3d.geometry.lines import Float, Records, least_of
-from lrf3d.geometry.pose import Pose, as_pose, between
-from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Lidar, Noise
+from lrf3d.geometry.pose import Pose, as_pose, as_poses, between
+from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Lidar, Noise, with_ranges
 from lrf3d.laser.scan import LIGHT, ScanBatch
 from lrf3d.robot import Trajectory
 from lrf3d.robot.attitude import LEVEL
@@ -100,10 +100,11 @@ class Sensor:
             )
         if scan.mount != true_scan.mount or scan.motion is not true_scan.motion:
             # A noise may make a scan of its own, without what it knows nothing of.
-            kept: dict[str, Any] = {"mount": true_scan.mount, "laser": true_scan.laser}
-            scan = replace(scan, motion=true_scan.motion, **kept)
+            scan = replace(
+                scan, motion=true_scan.motion, mount=true_scan.mount, laser=true_scan.laser
+            )
         ranges = self._far_enough(scan.ranges)
-        return scan if ranges is scan.ranges else replace(scan, ranges=ranges)
+        return scan if ranges is scan.ranges else with_ranges(scan, ranges)
 
     def noisy_ranges(self, true_scans: ScanBatch, rng: np.random.Generator) -> Float | None:
         """The measured ranges (k, beams) of true scans; None if the noise takes single scans."""
@@ -145,7 +146,7 @@ class Sensor:
             motion = between(poses[0], poses[-1])
             poses = lrf.placed(poses)
         if self._rays is not None:
-            return self._one_by_one(self._rays, place, poses, times).at_time(time, motion)
+            return self._one_by_one(self._rays, place, poses, times, motion)
         # Beam i of the scan of moment i, as casters with only `cast` know no single rays.
         scans = [self._among(*at) for at in zip(poses, times.tolist(), strict=True)]
         arrays: Any = [
@@ -153,7 +154,7 @@ class Sensor:
             else np.array([getattr(scan, name)[i] for i, scan in enumerate(scans)])
             for name in ("ranges", "walls", *LIGHT)
         ]  # fmt: skip
-        return LaserScan.unchecked(lrf, place, *arrays).at_time(time, motion)
+        return LaserScan.unchecked(lrf, place, *arrays, time=time, motion=motion)
 
     def _tilted(self, pose: Float, time: float, attitude: tuple[float, float]) -> LaserScan:
         """The scan of a robot that is pitched and rolled [rad], and believes to be level."""
@@ -171,32 +172,35 @@ class Sensor:
             light = scan.intensities[0]
             faint = light < self.lrf.threshold
             rows = [np.where(faint, np.inf, rows[0]), np.where(faint, -1, rows[1]), light]
-        return LaserScan.unchecked(self.lrf, place, *rows).at_time(time, motion)
+        return LaserScan.unchecked(self.lrf, place, *rows, time=time, motion=motion)
 
     def _one_by_one(
-        self, caster: PlanarCaster, place: Pose, poses: Float, times: Float
+        self, caster: PlanarCaster, place: Pose, poses: Float, times: Float, motion: Float | None
     ) -> LaserScan:
         """The scan of beams at times (beams,) [s], or at one, from as many poses."""
         lrf = self.lrf
-        rays = np.empty(self.lrf.beams, RAY)
         lighting = caster.lighting
-        rays_from(laser_of(lrf), poses, times, rays[None])
         # Mirrors may be nearer than range_min, and what they show beyond it.
         near = lrf if lighting is None else replace(lrf, range_min=0.0)
-        ranges, walls = caster.trace(near, rays)
+        ranges, walls = caster.along(near, poses)
+        time = times.item(0)
+        rays = np.empty(lrf.beams, RAY)
+        if self._crowded or lighting is not None:
+            rays_from(lrf.plain, poses, times, rays[None])
         count = len(self.world.segments)
         if self._crowded:
             named = -1 if lighting is None else count
             self._crowd.stop_rays(near, rays, ranges, walls, named=named)
         if lighting is None:
-            return LaserScan.unchecked(lrf, place, ranges, walls)
+            return LaserScan.unchecked(lrf, place, ranges, walls, time=time, motion=motion)
         lit = lighting.empty(lrf)
         lit.ranges[:] = ranges
         lit.walls[:] = walls
         tree = caster.tree(lrf.height)
         lighting.light(lrf, tree, rays, lit, self._crowd.plain, self._crowd.own)
         lit.walls[lit.walls >= count] = -1
-        return LaserScan.unchecked(lrf, place, *lit.arrays(lrf.echoes))
+        light = lit.arrays(lrf.echoes)
+        return LaserScan.unchecked(lrf, place, *light, time=time, motion=motion)
 
     def _among(self, pose: Any, time: float) -> LaserScan:
         """The scan of one moment, in which each beam ends at the nearer of wall and obstacle."""
@@ -206,7 +210,7 @@ class Sensor:
         ranges = scan.ranges.copy()
         walls = scan.walls.copy()
         self._crowd.stop_scans(self.lrf, np.array([pose]), time, ranges[None], walls[None])
-        return LaserScan.unchecked(self.lrf, scan.pose, ranges, walls).at_time(time)
+        return LaserScan.unchecked(self.lrf, scan.pose, ranges, walls, time=time)
 
 
 def motion_along(path: Any, pose: Float, time: float, duration: float) -> Float:
@@ -220,8 +224,7 @@ def motion_along(path: Any, pose: Float, time: float, duration: float) -> Float:
 def poses_on(path: Any, pose: Float, times: Float) -> Float:
     """Poses (n, 3) on a path at times (n,) [s], with the robot at a pose (3,) at the first."""
     if not isinstance(path, Trajectory):
-        found: Float = path.at(times)
-        return found
+        return as_poses(path.at(times))
     return poses_along(legs_of(path), times, np.array(as_pose(pose)))
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from program import told
 
-from lrf3d import LaserRangeFinder, PlanarCaster, World, crosscheck
-from lrf3d.casting.comparison import UNEXPLAINED, BareEmbree
+from lrf3d import LaserRangeFinder, World, crosscheck
+from lrf3d.casting.comparison import UNEXPLAINED
 from lrf3d.studio.figures.figures import draw_crosscheck
 from lrf3d.world.generators import generate_city
 
@@ -52,9 +52,12 @@ TALL, LEVEL = 2.5, 0.5
 )
 def test_a_difference_has_its_cause(monkeypatch, expected, height, walls, one, other):
     """Where the exact answer and that of Embree differ, for a beam along x."""
-    for caster, (distance, wall) in ((PlanarCaster, one), (BareEmbree, other)):
+    for name, (distance, wall) in (
+        ("caster.PlanarCaster.scan_batch", one),
+        ("comparison.bare_scans", other),
+    ):
         answer = np.array([[distance]]), np.array([[wall]])
-        monkeypatch.setattr(caster, "scan_batch", lambda *_, answer=answer: answer)
+        monkeypatch.setattr(f"lrf3d.casting.{name}", lambda *_, answer=answer: answer)
     world = World(walls, heights=[height] * len(walls))
     assert crosscheck(world, ONE_BEAM, [(0, 0, 0)]).causes == (expected,)
 

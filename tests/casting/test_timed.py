@@ -31,8 +31,10 @@ SQUARE = [(-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)]
 
 def timed(caster, lrf, path, obstacles=()):
     """The function of a pose and a time that casts the scans along a path, among obstacles."""
-    silent = lrf3d.ProportionalNoise(0.0)
-    sensor = Sensor(caster.world, lrf, caster=caster, noise=silent, obstacles=obstacles, path=path)
+    sensor = Sensor(
+        caster.world, lrf, caster=caster, noise=lrf3d.ProportionalNoise(0.0), obstacles=obstacles,
+        path=path,
+    )  # fmt: skip
     return sensor.cast
 
 
@@ -82,8 +84,9 @@ def test_what_is_too_near_is_told_so_whoever_it_is():
     assert scan.ranges[0] == 4.6 and scan.walls[0] == -1
 
 
+@pytest.mark.parametrize("count", [4, 0])
 @CASTERS
-def test_beams_of_a_sweep_among_moving_obstacles_are_exact(make):
+def test_beams_of_a_sweep_among_moving_obstacles_are_exact(make, count):
     rng = np.random.default_rng(0)
     lrf = LaserRangeFinder(-3.0, 3.0, 61, range_max=20.0, scan_duration=0.4)
 
@@ -94,21 +97,21 @@ def test_beams_of_a_sweep_among_moving_obstacles_are_exact(make):
     robot = Trajectory([0.0, 0.5, 1.0], [(40, 32, 0.1), (40.5, 32.2, 2.4), (41, 32.5, 5.5)])
     paths = [wandering(5), wandering(2), Patrol([(38, 30), (42, 34)], 3.0), wandering(1)]
     obstacles = [
-        DynamicObstacle(rng.uniform(-0.6, 0.6, (k + 3, 2)), p) for k, p in enumerate(paths)
+        DynamicObstacle(rng.uniform(-0.6, 0.6, (k + 3, 2)), p) for k, p in enumerate(paths[:count])
     ]
     scan = timed(make(CITY), lrf, robot, obstacles)(robot.poses[0], 0.0)
     assert scan.pose == tuple(robot.poses[0])
     times = lrf.time_increment * np.arange(61)
     poses, met = robot.at(times), 0
     for beam, (pose, time) in enumerate(zip(poses, times, strict=True)):
-        sides = np.concatenate([one.walls(time) for one in obstacles])
-        exact = ExactWorld(np.concatenate([CITY.segments, sides]), pose[None, :2])
+        sides = [one.walls(time) for one in obstacles]
+        exact = ExactWorld(np.concatenate([CITY.segments, *sides]), pose[None, :2])
         wall, t = exact.cast(0, lrf.directions(pose)[beam])
         near = t is not None and t <= 20
         assert scan.ranges[beam] == (float(t) if near else np.inf)
         assert scan.walls[beam] == (wall if near and wall < len(CITY.segments) else -1)
         met += near and wall >= len(CITY.segments)
-    assert met > 5
+    assert met > 5 or not count
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (500_000.3, 5_300_000.7)])

@@ -15,6 +15,7 @@ from lrf3d.laser import (
     ProportionalNoise,
     Quantised,
     imperfect,
+    with_ranges,
 )
 from lrf3d.laser.noise import at_sigma
 from lrf3d.laser.scan import ScanBatch
@@ -72,6 +73,7 @@ def test_ranges_are_told_in_whole_steps_nearest_to_what_was_measured():
 
 def test_ranges_over_the_limits_are_told_after_rep_117():
     scan = scan_of([0.49, 0.5, 19.99, 20.01, -np.inf], range_min=0.5)
+    assert scan.hits.sum() == 3 and Limits()(scan, None).hits.sum() == 2
     assert Limits()(scan, None).ranges.tolist() == [-np.inf, 0.5, 19.99, np.inf, -np.inf]
 
 
@@ -179,11 +181,14 @@ def test_no_noise_gives_the_scan_itself_and_draws_nothing(off):
     assert rng.normal() == np.random.default_rng(1).normal()
 
 
-def test_own_noise_below_the_nearest_range_is_too_near_as_with_any_laser():
+@pytest.mark.parametrize(
+    "change", [with_ranges, lambda scan, ranges: dataclasses.replace(scan, ranges=ranges)]
+)
+def test_own_noise_below_the_nearest_range_is_too_near_as_with_any_laser(change):
     near = World([[0.7, -5, 0.7, 5], [4.0, -5, 4.0, 5]])
 
     def own(scan, rng):
-        return dataclasses.replace(scan, ranges=scan.ranges + np.linspace(-2.0, 0.0, 101))
+        return change(scan, scan.ranges + np.linspace(-2.0, 0.0, 101))
 
     run = simulate(near, [(0, 0, 0)], LRF, noise=own, mapper=LineMapper())
     moved = run.truth[0] + np.linspace(-2.0, 0.0, 101)
@@ -200,6 +205,7 @@ WRONG = {
     "jump inf": lambda: MixedPixels(0.1, jump=np.inf),
     "threshold 'a'": lambda: MixedPixels(0.1, threshold="a"),
     "echo: there is no 'middle'": lambda: MixedPixels(0.1, echo="middle"),
+    "ranges .2": lambda: with_ranges(WALL, [1.0, 2.0]),
     "resolution -1": lambda: imperfect(0.1, resolution=-1),
     "share 2.0": lambda: imperfect(0.1, drop_outs=2.0),
     "chain of 3": lambda: Chain(3),

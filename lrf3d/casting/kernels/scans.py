@@ -44,12 +44,15 @@ def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> Plain:
 def cast_scans(
     plain_tree: Plain, plain_laser: Plain, poses: Float, ranges: Float, hits: Int
 ) -> None:
-    """Cast a scan at each of the poses (k, 3); fill ranges (k · beams,), and hits unless empty."""
+    """Cast a scan at each of the poses (k, 3); fill ranges (k · beams,), and hits unless empty.
+
+    Where there are fewer ranges, it is one scan with a pose for each beam.
+    """
     tree = Tree(*plain_tree)
     laser = Laser(*plain_laser)
     beams = laser.fan.shape[1]
-    if beams <= FEW:
-        _cast_few(tree, laser, poses, ranges, hits)
+    if beams <= FEW or len(ranges) < len(poses) * beams:
+        _cast_singly(tree, laser, poses, ranges, hits)
         return
     own = np.empty(0 if len(hits) > 0 else beams, np.int64)
     dx = np.empty(beams + PADDING)
@@ -63,9 +66,11 @@ def cast_scans(
 
 
 @inner
-def _cast_few(tree: Tree, laser: Laser, poses: Float, ranges: Float, hits: Int) -> None:
-    """Cast scans of few beams beam by beam: see `cast_scans`."""
+def _cast_singly(tree: Tree, laser: Laser, poses: Float, ranges: Float, hits: Int) -> None:
+    """Cast scans beam by beam: see `cast_scans`."""
     cosines, sines = laser.fan
+    beams = len(cosines)
+    rolling = len(ranges) < len(poses) * beams
     block = new_block(len(ranges))
     done = 0
     count = 0
@@ -73,7 +78,7 @@ def _cast_few(tree: Tree, laser: Laser, poses: Float, ranges: Float, hits: Int) 
         x, y, theta = poses[k]
         cos = math.cos(theta)
         sin = math.sin(theta)
-        for i in range(len(cosines)):
+        for i in range(k if rolling else 0, k + 1 if rolling else beams):
             dx, dy = turn(cosines[i], sines[i], cos, sin)
             fill_block(block, count, Beam(x, y, dx, dy), -1)
             count += 1
@@ -92,18 +97,16 @@ def rays_from(plain: Plain, poses: Float, times: Float, rays: Records) -> None:
     cosines, sines = Laser(*plain).fan
     scans, beams = rays.shape
     rolling = scans < len(poses)
-    for k in range(scans):
-        for i in range(beams):
-            at = i if rolling else k
-            ray = rays[k, i]
-            if rolling or i == 0:
-                x, y, theta = poses[at]
-                cos = math.cos(theta)
-                sin = math.sin(theta)
+    for k in range(len(poses)):
+        x, y, theta = poses[k]
+        cos = math.cos(theta)
+        sin = math.sin(theta)
+        for i in range(k if rolling else 0, k + 1 if rolling else beams):
+            ray = rays[0 if rolling else k, i]
             ray.dx, ray.dy = turn(cosines[i], sines[i], cos, sin)
             ray.x = x
             ray.y = y
-            ray.time = times[at]
+            ray.time = times[k]
 
 
 @inner

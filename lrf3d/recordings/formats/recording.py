@@ -235,9 +235,9 @@ class Journal:
             walls = np.where(np.isfinite(ranges), row["walls"][beams], -1)
             light = [row[name][beams].copy() for name in LIGHT if name in self._fields]
             place = Pose(*lrf.placed(pose).tolist())
-            scan = LaserScan.unchecked(lrf, place, ranges, walls, *light)
             motion = row["motions"][number].copy() if lrf.scan_duration else None
-            yield scan.at_time(float(row["times"]), motion)
+            time = float(row["times"])
+            yield LaserScan.unchecked(lrf, place, ranges, walls, *light, time=time, motion=motion)
 
     def kept(self) -> int:
         """The number of scans in the file."""
