@@ -4,13 +4,12 @@ Walls of glass, an eye and scans enter; translucent faces, lines and counts leav
 """
 
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
-from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LEFT, Bool, Float, Int, directions, lengths
 from lrf3d.laser import LaserScan
@@ -69,12 +68,6 @@ _BEAM = 0.8
 
 # Width of these beams [pixels of 720 lines].
 _WIDE = 2.2 * look.FINE
-
-# The glass of the world that was asked for last.
-_PANES = Latest()
-
-# The beams of the scans that were asked for last.
-_SHOWN = Latest(2)
 
 # Share of a run in which the scan is chosen that a film shows.
 EARLY = 0.75
@@ -158,12 +151,9 @@ def at_glass(world: World, starts: Float, ends: Float) -> tuple[Bool, Bool]:
     return shapely.intersects(panes, ways) & ~back, back
 
 
+@lru_cache(1)
 def panes_of(world: World) -> shapely.Geometry:
     """All walls of glass of a world."""
-    return _PANES.of(world, partial(_panes, world))
-
-
-def _panes(world: World) -> shapely.Geometry:
     walls = world.segments[walls_of(world, lambda material: material.passes)]
     panes = shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2)))
     shapely.prepare(panes)
@@ -205,12 +195,9 @@ class TellingBeams(NamedTuple):
     colour: look.Colour
 
 
-def telling_beams(run: Shown, number: int) -> list[TellingBeams]:
+@lru_cache(2)
+def telling_beams(run: Shown, number: int) -> tuple[TellingBeams, ...]:
     """The beams of a scan at glass, and those that other robots or reflectors send back."""
-    return _SHOWN.of((run, number), partial(_telling, run, number))
-
-
-def _telling(run: Shown, number: int) -> list[TellingBeams]:
     scan = unrolled(run.scans_at(number)[0])
     ends = scan.points()
     found = []
@@ -227,7 +214,7 @@ def _telling(run: Shown, number: int) -> list[TellingBeams]:
     if len(bright) and not any(each.is_robot for each in run.obstacles):
         words = f"back from {counted(len(bright), 'reflector')}"
         found.append(TellingBeams(words, ends[bright], REFLECTED_COLOUR))
-    return found
+    return tuple(found)
 
 
 def beams_through(run: Shown, number: int, places: Float) -> TellingBeams:
@@ -283,16 +270,9 @@ class GlassCounts(NamedTuple):
     pane: Float = np.zeros(4)
 
 
-# The counts of the run that was asked for last.
-_COUNTS = Latest()
-
-
+@lru_cache(1)
 def counts_at_glass(run: Shown) -> GlassCounts:
     """What the beams of a run did at its glass; of a long run some scans are counted for all."""
-    return _COUNTS.of(run, partial(_counts, run))
-
-
-def _counts(run: Shown) -> GlassCounts:
     if not any(one is not None and one.passes for one in run.world.materials):
         return GlassCounts()
     numbers = range(0, len(run.trajectory.times), 1 + len(run.trajectory.times) // _COUNTED)

@@ -4,11 +4,10 @@ A run and a moment of it enter, lines of text leave.
 """
 
 from collections.abc import Sequence
-from functools import partial
+from functools import lru_cache
 
 import numpy as np
 
-from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import lengths
 from lrf3d.scoring.map_score import found_words, judged_part, score_run
@@ -17,7 +16,7 @@ from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
-from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, Drift
+from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, drift_of
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_walls
 from lrf3d.studio.scene.glass import TURNED_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
@@ -43,12 +42,6 @@ PALE = (184, 196, 216)
 
 # All shots of the film's own cameras.
 _SHOTS = (FIRST_SHOT, PROOF, "rise", "whole", *SHOTS)
-
-# The card of the run that was asked for last.
-_CARDS = Latest()
-
-# The drift of the run that was asked for last.
-_DRIFTS = Latest()
 
 
 def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
@@ -90,7 +83,7 @@ def panel(
     Robots have names where each has a map, the run's own first.
     """
     if has_card(run, moment, view):
-        card: Label = _CARDS.of(run, partial(_card, run, playback))
+        card = _card(run, playback)
         drifted = [(words, whole(tint)) for words, tint in _drifted(run, moment, playback)]
         lines = [*zip(card.text, card.colours, strict=True), *drifted]
         return _label(lines)
@@ -133,6 +126,7 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
     ]
 
 
+@lru_cache(1)
 def _card(run: Run, playback: float) -> Label:
     """What was found in the end: of the visible walls, if the truth is known."""
     if not run.maps:
@@ -158,7 +152,7 @@ def _card(run: Run, playback: float) -> Label:
 
 def _drifted(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
     """The names of the path by odometry alone, and of how far it is off at a moment."""
-    drift = _DRIFTS.of(run, partial(Drift.of, run, np.zeros(2)))
+    drift = drift_of(run)
     gap = drift.words(moment, playback) if drift else ""
     return [("━ odometry alone", GHOST_COLOUR), (f"━ {gap}", GAP_COLOUR)] if gap else []
 

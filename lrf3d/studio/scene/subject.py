@@ -3,17 +3,16 @@
 A run enters; what is said and what is to be in the picture leave.
 """
 
-from functools import partial
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
-from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LEFT, Float, Int
 from lrf3d.mapping.line_map import GLASS, MIRROR
-from lrf3d.studio.scene.drift import Drift
+from lrf3d.studio.scene.drift import drift_of
 from lrf3d.studio.scene.found import distances, false_walls
 from lrf3d.studio.scene.glass import (
     EARLY,
@@ -98,22 +97,16 @@ def beams_told(run: Shown, moment: Moment, playback: float, shot: str) -> list[T
     """The beams of a moment that tell the subject; as the map is completed they would hide it."""
     subject = subject_of(run, playback)
     told = moment.scanning and shot not in _FROM_AFAR and subject.told
-    beams = telling_beams(run, moment.scan) if told else []
+    beams = [*telling_beams(run, moment.scan)] if told else []
     if moment.scanning and shot == "proof" and len(subject.dropped):
         beams.append(beams_through(run, moment.scan, subject.dropped))
     return beams
 
 
-# The subjects of the runs that were asked for last: up to eight may be side by side.
-_FOUND = Latest(8)
-
-
+# Up to eight runs may be side by side.
+@lru_cache(8)
 def subject_of(run: Shown, playback: float) -> Subject:
     """The first that a run has of a closed loop, a false room, other robots, glass, reflectors."""
-    return _FOUND.of((run, playback), partial(_subject, run, playback))
-
-
-def _subject(run: Shown, playback: float) -> Subject:
     # What the first scan shows is shown by the opening.
     since = float(run.trajectory.times.min()) + FIRST * playback
     found = _loop(run) or _false_room(run, since) or _robots(run, since)
@@ -126,7 +119,7 @@ def _subject(run: Shown, playback: float) -> Subject:
 
 def _loop(run: Shown) -> Subject | None:
     """The loop round which odometry alone is seen to drift."""
-    drift = Drift.of(run, np.zeros(2))
+    drift = drift_of(run)
     if drift is None or drift.loop is None:
         return None
     first, last = drift.loop
