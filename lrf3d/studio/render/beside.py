@@ -189,7 +189,7 @@ class MapBeside:
         window = self._window(time)
         run: Any = self._scene.run
         own = [*self._colours[:1]] or [*filter(None, self._scene.team.values())]
-        segments = [(NAMED, _ink(tint)) for tint in own or look.found_colours(_SHARES)]
+        segments = [(NAMED, _ink(tint)) for tint in own or look.between(_SHARES, look.FOUND)]
         seen = ("■", _ink(look.EXPLORED))
         robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not self._colours)
         long = round(window.bar / window.width * self.size[0])

@@ -12,10 +12,10 @@ from lrf3d.geometry.lines import Bool, Float, Int, cross, directions
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
 from lrf3d.simulation.run import Run
-from lrf3d.studio.scene.glass import walls_of
 from lrf3d.studio.scene.look import NOTHING
 from lrf3d.studio.scene.marks import false_pieces
 from lrf3d.studio.scene.shown import Shown
+from lrf3d.studio.scene.stage.structures import walls_of
 from lrf3d.world import World
 
 # Number of maps of a run of which the walls found are counted, at most: usual runs keep fewer.
@@ -93,7 +93,7 @@ def lost_walls(run: Run) -> tuple[Float, str, list[str]]:
     hits = (beams > 0).sum(axis=0)
     said = [f"hit in {counted(count, 'scan')}" for count in hits.tolist()]
     words = f"{len(lost)} missed"
-    clear = np.isin(walls, walls_of(run.world, lambda material: material.passes))
+    clear = walls_of(run.world, lambda material: material.passes)[walls]
     if clear.any():
         words += f", {clear.sum()} of glass"
         said = np.where(clear, "glass", "").tolist()

@@ -3,7 +3,6 @@
 Walls of glass, an eye and scans enter; translucent faces, lines and counts leave.
 """
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -15,13 +14,13 @@ from lrf3d.geometry.lines import LEFT, Bool, Float, Int, directions, lengths
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import look
+from lrf3d.studio.scene.marks import divided
 from lrf3d.studio.scene.shapes import Lines, Soft, level_lines, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure
-from lrf3d.studio.scene.stage.structures import Structures, folded
+from lrf3d.studio.scene.stage.structures import Structures, folded, walls_of
 from lrf3d.studio.scene.timeline import FIRST
 from lrf3d.world import World
-from lrf3d.world.materials import Material
 
 # Colour of a beam that goes through glass.
 THROUGH_COLOUR = look.rgb("#7fe3ff")
@@ -99,13 +98,10 @@ class Panes(NamedTuple):
         clear = structures.glass
         walls = structures.segments[clear]
         count = np.maximum(np.round(lengths(walls) / _BAY), 1.0).astype(int)
-        owner = np.repeat(np.arange(len(walls)), count)
-        part = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        begin, end = np.hsplit(walls[owner], 2)
-        a, b = (begin + ((part + k) / count[owner])[:, None] * (end - begin) for k in (0, 1))
+        parts, owner = divided(walls, count)
         tops = np.minimum(structures.heights[clear], max(cut, _HIGH))[owner]
         framed = structures.mirrors
-        segments = np.concatenate([np.hstack([a, b]), structures.segments[framed]])
+        segments = np.concatenate([parts, structures.segments[framed]])
         tops = np.append(tops, np.minimum(structures.heights[framed], cut))
         foot, far = (np.insert(ends, 2, 0.0, axis=1) for ends in np.hsplit(segments, 2))
         c, d = (ends + tops[:, None] * [0.0, 0.0, 1.0] for ends in (far, foot))
@@ -115,14 +111,14 @@ class Panes(NamedTuple):
         edges = Lines(
             single(starts), single(np.concatenate([d, c, c])), colours, full, 1.5 * look.FINE
         )
-        corners = np.stack([foot, far, c, d], axis=1)[: len(a)]
-        seen = np.full(len(a), -np.inf)
-        mapped = np.full(len(a), np.inf)
+        corners = np.stack([foot, far, c, d], axis=1)[: len(parts)]
+        seen = np.full(len(parts), -np.inf)
+        mapped = np.full(len(parts), np.inf)
         if exposure is not None:
-            found = exposure.sampled(0.5 * (a + b))
+            found = exposure.sampled(0.5 * (parts[:, :2] + parts[:, 2:]))
             seen = np.where(found["sure"] > 0.5, found["seen"], np.inf)
             mapped = found["mapped"]
-        return cls(corners, directions(np.hstack([a, b])) @ LEFT, seen, mapped, edges)
+        return cls(corners, directions(parts) @ LEFT, seen, mapped, edges)
 
     def faces(self, eye: Float, now: float) -> Soft:
         """The panes from an eye (3,) at a time [lengths of the run]: opaque only at grazing angles.
@@ -160,19 +156,13 @@ def panes_of(world: World) -> shapely.Geometry:
     return panes
 
 
-def walls_of(world: World, chosen: Callable[[Material], bool]) -> Int:
-    """The walls of chosen materials."""
-    objects = [one is not None and chosen(one) for one in world.materials]
-    return np.flatnonzero(np.isin(world.objects, np.flatnonzero(objects)))
-
-
 def met_reflectors(run: Shown, number: int) -> Int:
     """The hits of a scan that came back from reflectors, one of each."""
     scan = run.scans_at(number)[0]
     walls = scan.walls[scan.hits]
     bright = walls_of(run.world, lambda material: material.retro > 1.0)
     met, first = np.unique(walls, return_index=True)
-    return first[np.isin(met, bright)]
+    return first[np.isin(met, np.flatnonzero(bright))]
 
 
 def _met_robots(run: Shown, number: int, ends: Float) -> Bool:
@@ -273,7 +263,7 @@ class GlassCounts(NamedTuple):
 @lru_cache(1)
 def counts_at_glass(run: Shown) -> GlassCounts:
     """What the beams of a run did at its glass; of a long run some scans are counted for all."""
-    if not any(one is not None and one.passes for one in run.world.materials):
+    if not walls_of(run.world, lambda material: material.passes).any():
         return GlassCounts()
     numbers = range(0, len(run.trajectory.times), 1 + len(run.trajectory.times) // _COUNTED)
     scans = [run.scans_at(number)[0] for number in numbers]
