@@ -43,9 +43,6 @@ _KEYS = (
     "dots: all that the laser measured of it  ·  red: not in the map",
 )
 
-# Height of letters [pixels of 720 lines].
-LETTER = 25.0
-
 # Half the thickness of the scale, in letters.
 _BAR = 0.04
 

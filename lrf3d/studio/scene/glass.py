@@ -25,11 +25,8 @@ from lrf3d.world import World
 # Colour of a beam that goes through glass.
 THROUGH_COLOUR = look.rgb("#7fe3ff")
 
-# Colour of a beam that comes back from it.
+# Colour of a beam that comes back from it, or from a mirror.
 BACK_COLOUR = look.rgb("#fff2cc")
-
-# Colour of a beam that a mirror turns.
-TURNED_COLOUR = BACK_COLOUR
 
 # Colour of a beam that comes back from a reflector.
 REFLECTED_COLOUR = look.MATERIAL_COLOURS["retro"]
@@ -242,7 +239,7 @@ def bounced(
     legs = legs[beams == best]
     legs[0, :2] = apex
     way = np.vstack([legs, [*legs[0, 2:], *ends[best]]])
-    colours = np.array([*[TURNED_COLOUR] * len(legs), look.FALSE_COLOUR])
+    colours = np.array([*[BACK_COLOUR] * len(legs), look.FALSE_COLOUR])
     starts, stops = np.hsplit(way, 2)
     return level_lines(height, starts, stops, colours, np.ones((len(way), 2)), look.BOLD)
 

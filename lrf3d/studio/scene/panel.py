@@ -18,7 +18,7 @@ from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
 from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, drift_of
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_walls
-from lrf3d.studio.scene.glass import TURNED_COLOUR
+from lrf3d.studio.scene.glass import BACK_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import NAMED, PINNED, Label
 from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
@@ -129,9 +129,9 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
 @lru_cache(1)
 def _card(run: Run, playback: float) -> Label:
     """What was found in the end: of the visible walls, if the truth is known."""
+    rest = "what it never saw stays dark"
     if not run.maps:
         found = f"{_mapped(run, -1)}, {counted(len(run), 'scan')}"
-        rest = "what it never saw stays dark"
     elif not (run.knows_truth and len(run.world.segments)):
         driven = lengths(np.hstack([run.trajectory.poses[:-1, :2], run.trajectory.poses[1:, :2]]))
         found = f"{distances(run)} became {counted(len(run.map), 'segment')}"
@@ -140,7 +140,6 @@ def _card(run: Run, playback: float) -> Label:
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         found += false_words(false_after(run, len(run) - 1))
-        rest = "what it never saw stays dark"
     _, lost, _ = lost_walls(run)
     missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
@@ -181,7 +180,7 @@ def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[s
     beams = beams_told(run, moment, playback, shot)
     found = [(f"━ {each.words}", each.colour) for each in beams]
     if subject_of(run, playback).aim_at(moment.time) is not None:
-        found.append(("━ a beam that the mirror turns", TURNED_COLOUR))
+        found.append(("━ a beam that the mirror turns", BACK_COLOUR))
         found.append(("━ where the laser thinks it goes", look.FALSE_COLOUR))
     return found
 

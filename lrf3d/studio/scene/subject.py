@@ -71,8 +71,10 @@ class Subject(NamedTuple):
     found: str = ""
     # Whether the beams that tell it are drawn, and counted.
     told: bool = False
-    # The direction of what is seen from its side [rad], with the robot on its right.
-    along: float | None = None
+    # How it is seen: a key of the proofs of stories.
+    seen: str = "round"
+    # The direction from which sides are counted [rad]: that of a pane, with the robot on its right.
+    along: float = 0.0
     # From when on the map beside the picture magnifies it [s], and the width of what it shows [m].
     magnified: tuple[float, ...] = ()
     # What is said after the title.
@@ -131,6 +133,7 @@ def _loop(run: Shown) -> Subject | None:
         places=np.array([path.min(axis=0) - _PAST_LOOP, path.max(axis=0) + _PAST_LOOP]),
         proof="Red: where odometry alone puts it",
         since=begins,
+        seen="above",
         until=closes,
         after=f"Back after {metres(length)}: red shows the drift",
         found=f"{metres(drift.off(run.trajectory.times[-1]))} of drift removed",
@@ -250,6 +253,7 @@ def _glass(run: Shown) -> Subject | None:
         "Blue goes through the pane, white comes back",
         found=f"{known}  ·  {share:.0f} % of the beams at glass went through",
         told=True,
+        seen="aside",
         along=along,
         then="Of slanted beams, few come back",
         staging="pane",
