@@ -374,10 +374,6 @@ class DrawnEstimate:
         )
         return cls(keys, estimate.known_scans, estimate.ellipses, kept_ellipses(estimate))
 
-    def trail(self, time: float, fade: float) -> Lines:
-        """The estimated trail up to a time from the start of the run on, paler with age [s]."""
-        return trail_lines(self.keys, time, fade, look.ESTIMATE_COLOUR)
-
     def rings(self, time: float) -> Lines:
         """The ellipses that stay by a time, faded, and the one that is known now."""
         times = self.keys.times[self.known]

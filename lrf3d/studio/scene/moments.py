@@ -298,7 +298,8 @@ class Scene:
         for number, (keys, colour) in enumerate(self._robots):
             found.append(("trail", f"trail {number}", trail_lines(keys, now, fade, colour)))
         if self._estimate is not None:
-            found.append(("estimate", "estimate", self._estimate.trail(now, fade)))
+            trail = trail_lines(self._estimate.keys, now, fade, look.ESTIMATE_COLOUR)
+            found.append(("estimate", "estimate", trail))
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
         return tuple(found)
 
