@@ -82,6 +82,8 @@ class FilmOptions:
     goal: Goal | None = None
     # What is said of maps that are compared.
     title: str = ""
+    # Whether a story is as fast as it likes, and says so.
+    rushes: bool = True
 
     def of(self, run: Run) -> "FilmOptions":
         """These options, where the run and the machine choose what is not given.
@@ -202,6 +204,7 @@ class Film:
         ] or [self.renderer]
         self.camera = make_camera(str(chosen.view), self.timeline, self.scene.stage, chosen.length)
         if isinstance(self.camera, Story):
+            self.camera.rushes = chosen.rushes
             self.camera.names = [*self._scenes]
             # The maps of several robots stay, and so does what is magnified.
             stays = [*self._scenes, *subject_of(run, self.timeline.playback).magnified]
@@ -247,7 +250,9 @@ class Film:
         seen = seen._replace(columns=columns, marks=(*seen.marks, *shine, *frames))
         picture: Pixels = self.renderer.draw(seen)
         if self._band:
-            lay_pins(picture, self.scene.pins(view), seen.lens, panel.whole(FALSE_COLOUR))
+            lay_pins(
+                picture, self.scene.pins(view, self._size), seen.lens, panel.whole(FALSE_COLOUR)
+            )
             room = columns, self._band
             text = banded(self._label(moment, view), room, self._scale)
             picture = np.vstack([picture, text])
@@ -317,7 +322,7 @@ def _renderer(stage: Stage, size: tuple[int, int], options: FilmOptions) -> Any:
 
 def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
-    chosen = FilmOptions(**options).of(run)
+    chosen = FilmOptions(**options, rushes=False).of(run)
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
     timeline = Timeline(run, playback=chosen.playback)

@@ -6,6 +6,7 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
+import shapely
 from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.studio.scene.look import PLAN_BACK, scale
@@ -128,20 +129,24 @@ def banded(label: Label, size: tuple[int, int], scale: float) -> Pixels:
 
 
 def lay_pins(picture: Pixels, pins: Pins | None, lens: Lens, colour: tuple[int, ...]) -> None:
-    """Lay what pins say over a picture, where they end; the first lie over the others."""
+    """Lay what pins say over a picture, where they end, unless it would lie over what is laid."""
     if pins is None:
         return
     size = picture.shape[1::-1]
     gap = gap_of(size) // 2
     laid = Image.fromarray(picture)
+    boxes = list[shapely.Polygon]()
     clips = np.stack([pins.tips, pins.ends]) @ lens.matrix[:, :3].T + lens.matrix[:, 3]
     tips, ends = 0.5 * (1.0 + clips[..., :2] / clips[..., 3:]) * size
-    for (x, _), (left, middle), said in [*zip(tips, ends, pins.words, strict=True)][::-1]:
+    for (x, _), (left, middle), said in zip(tips, ends, pins.words, strict=True):
         row = row_of(((said, colour),), round(LETTER * scale_of(size)), size[0])
         leftwards = left < x or left + gap + row.width > size[0]
         left = min(left, x) - gap - row.width if leftwards else left + gap
         place = np.array([left, middle - row.height / 2])
         place = np.clip(place, 0, np.array(size) - row.size).astype(int)
-        laid.paste(PLAN_BACK, (*place, *(place + row.size)))
-        laid.paste(row, tuple(place), row)
+        box = shapely.box(*place, *(place + row.size))
+        if not shapely.intersects(box, boxes).any():
+            boxes.append(box)
+            laid.paste(PLAN_BACK, (*place, *(place + row.size)))
+            laid.paste(row, tuple(place), row)
     picture[:] = np.asarray(laid)

@@ -82,7 +82,7 @@ def render_video(
 
     expect(progress, Callable, "progress")
     path = as_path(path)
-    chosen = FilmOptions(**options).of(run)
+    chosen = FilmOptions(**options, rushes=part == (None, None)).of(run)
     fps = number(fps, "fps", positive=True)
     if workers is not None:
         workers = whole_number(workers, "workers")

@@ -37,6 +37,9 @@ _AT_PANE = 0.1
 # The same of a place without a wall from a beam that goes through [m].
 _AT_PLACE = 0.2
 
+# Distance up to which walls touch [m].
+_TOUCHES = 0.01
+
 # Width of the parts of a front of glass [m].
 _BAY = 1.3
 
@@ -157,9 +160,23 @@ def met_reflectors(run: Shown, number: int) -> Int:
     """The hits of a scan that came back from reflectors, one of each."""
     scan = run.scans_at(number)[0]
     walls = scan.walls[scan.hits]
-    bright = walls_of(run.world, lambda material: material.retro > 1.0)
-    met, first = np.unique(walls, return_index=True)
-    return first[np.isin(met, np.flatnonzero(bright))]
+    met, first = np.unique(reflectors_of(run.world)[walls], return_index=True)
+    return first[met >= 0]
+
+
+@lru_cache(1)
+def reflectors_of(world: World) -> Int:
+    """The number of the reflector of each wall (n + 1,); -1 for none, as for the last: no wall.
+
+    Walls that touch are one reflector.
+    """
+    bright = np.flatnonzero(walls_of(world, lambda material: material.retro > 1.0))
+    lines = shapely.linestrings(world.segments[bright].reshape(-1, 2, 2))
+    apart = shapely.get_parts(shapely.union_all(shapely.buffer(lines, _TOUCHES)))
+    number, wall = shapely.STRtree(lines).query(apart, predicate="intersects")
+    found = np.full(len(world.segments) + 1, -1)
+    found[bright[wall]] = number
+    return found
 
 
 def _met_robots(run: Shown, number: int, ends: Float) -> Bool:

@@ -341,10 +341,13 @@ def trail_lines(
     )
 
 
-def pins(places: Float, height: float, colour: look.Colour, view: Look) -> Soft:
-    """Pins of one colour that point at places (n, 2) at a height [m], which nothing hides."""
+def pins(places: Float, height: float, colour: look.Colour, view: Look, share: float) -> Soft:
+    """Pins of one colour that point at places (n, 2) at a height [m], which nothing hides.
+
+    They are as large as they may be, or a share of that.
+    """
     tips = np.insert(places, 2, height, axis=1)
-    right, up, _ = _PIN * view.away * view.pose[:3, :3].T
+    right, up, _ = share * _PIN * view.away * view.pose[:3, :3].T
     corners = np.stack([tips, tips + up - right, tips + up + right], axis=1)
     colours = np.tile([*colour, 1.0], (len(corners), 3, 1))
     return Soft(single(corners), single(colours), on_top=True)

@@ -29,7 +29,7 @@ from lrf3d.studio.scene.marks import (
     pins,
     trail_lines,
 )
-from lrf3d.studio.scene.pins import Pins
+from lrf3d.studio.scene.pins import Pins, share_of
 from lrf3d.studio.scene.shapes import (
     ON_TOP,
     UNCUT,
@@ -233,7 +233,7 @@ class Scene:
             ("beams", "beams", beams),
             *telling,
             *([("map", "map lines", drawn.above)] if view.shows_map else along),
-            *self._pinned(view),
+            *self._pinned(view, size),
             ("points", "clouds", self._clouds_at(moment, view)),
             ("points", "points", hits),
             *((layer, layer, draw(self, moment)) for layer, draw in MARKS.items()),
@@ -384,18 +384,19 @@ class Scene:
             turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
             yield "beams", "turned beam", turned
 
-    def pins(self, view: Look) -> Pins | None:
+    def pins(self, view: Look, size: tuple[int, int]) -> Pins | None:
         """Pins at the walls that maps miss in the end; robots share their walls."""
         if view.shot != "end" or self._robots:
             return None
-        return Pins.of(self.judged or {"": self.run}, view, self._frame - [0.0, 0.0, self._height])
+        place = self._frame - [0.0, 0.0, self._height]
+        return Pins.of(self.judged or {"": self.run}, share_of(size) * view.away, place)
 
-    def _pinned(self, view: Look) -> Iterator[tuple[str, str, Mark]]:
+    def _pinned(self, view: Look, size: tuple[int, int]) -> Iterator[tuple[str, str, Mark]]:
         """In the end, pins at what the story was about, and at the walls that the map misses."""
         if view.shot == "end":
             pinned = subject_of(self.run, self.timeline.playback).pinned - self.origin
-            yield "map", "pinned", pins(pinned, self._height, look.PINS, view)
-        if missed := self.pins(view):
+            yield "map", "pinned", pins(pinned, self._height, look.PINS, view, share_of(size))
+        if missed := self.pins(view, size):
             yield "map", "lost", missed.mark
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:

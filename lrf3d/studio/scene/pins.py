@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.geometry.lines import LEFT, Float, directions, lengths
-from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.found import lost_walls
 from lrf3d.studio.scene.look import FALSE_COLOUR
 from lrf3d.studio.scene.shapes import Soft, single
@@ -24,8 +23,17 @@ _PIN = 0.025
 # Half the width of the end of a pin, in its length.
 _WIDE = 0.6
 
+# Width of a picture, in its height, from which on all of that is as large as it may be.
+_WIDE_PICTURE = 16.0 / 9.0
+
 # Number of pins at most, at the longest of these walls: more would hide the map.
 _PINS = 8
+
+
+def share_of(size: tuple[int, int]) -> float:
+    """How large pins are in a picture of a size [pixels]: in a narrow one they would hide more."""
+    width, height = size
+    return min(1.0, width / height / _WIDE_PICTURE)
 
 
 class Pins(NamedTuple):
@@ -39,8 +47,8 @@ class Pins(NamedTuple):
     words: list[str]
 
     @classmethod
-    def of(cls, runs: Mapping[str, Any], view: Look, place: Float) -> "Pins | None":
-        """Those of maps of some runs through a look, in a frame with an origin (3,) below them."""
+    def of(cls, runs: Mapping[str, Any], away: float, place: Float) -> "Pins | None":
+        """Those of maps of some runs from a distance, in a frame with an origin (3,) below them."""
         missed = dict[tuple[float, ...], list[str]]()
         for name, run in runs.items():
             parts, _, reasons = lost_walls(run)
@@ -51,7 +59,7 @@ class Pins(NamedTuple):
             return None
         walls = np.array(lost)
         start, end = (np.insert(each, 2, 0.0, axis=1) - place for each in np.hsplit(walls, 2))
-        aside = view.away * np.insert(directions(walls) @ LEFT, 2, 0.0, axis=1)
+        aside = away * np.insert(directions(walls) @ LEFT, 2, 0.0, axis=1)
         outer = end + _RIBBON * aside, start + _RIBBON * aside
         quads = np.stack([start, end, *outer], axis=1)[:, [0, 1, 2, 0, 2, 3]]
         tips = 0.5 * (start + end)[:_PINS]

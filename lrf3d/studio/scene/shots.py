@@ -140,8 +140,9 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
     if lasts <= first + shown:
         # The whole run is shown, at its playback speed; the shots reach the moment.
         left = lasts - first
-        wished = min((proven - opened) / playback + _ROUNDING, _LATEST * left)
-        reached = max(left * (1.0 - (rise + filling) / shown), wished)
+        wished = (proven - opened) / playback + _ROUNDING
+        # What comes too late is not waited for.
+        reached = max(left * (1.0 - (rise + filling) / shown), wished * (wished <= _LATEST * left))
         each = part = reached / count
         share = (left - reached) / (rise + filling)
         rise, filling = share * rise, share * filling

@@ -172,6 +172,8 @@ class Story:
         self._paths = [SmoothPath.of(timeline, poses) for poses in (timeline.poses, *others)]
         # The names of the robots that the shots show by turns; of one, others have none.
         self.names: Sequence[str] = ()
+        # Whether parts of the run are as fast as is planned, and not as fast as others.
+        self.rushes = True
         # The aspect of the picture when the map beside it has left; 0 if that stays.
         self.widens = 0.0
         # At the end the camera circles the world, past its best side.
@@ -227,7 +229,7 @@ class Story:
             return (subject.title if passed < TITLE_TIME else subject.then,)
         rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         # The rest of the run is shown in the time that is left.
-        told = ("fast forward",) * (rushes and shot.name in ("proof", "rise"))
+        told = ("fast forward",) * (self.rushes and rushes and shot.name in ("proof", "rise"))
         # That a loop has closed is still said where nothing else happens.
         proven = ["rise"] * (subject.since is not None) * (not rushes)
         if shot.name in ("proof", *proven):

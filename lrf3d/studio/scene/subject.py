@@ -21,14 +21,18 @@ from lrf3d.studio.scene.glass import (
     counts_at_glass,
     met_reflectors,
     panes_of,
+    reflectors_of,
     telling_beams,
 )
 from lrf3d.studio.scene.shown import Shown
-from lrf3d.studio.scene.stage.structures import turning_walls, walls_of
+from lrf3d.studio.scene.stage.structures import turning_walls
 from lrf3d.studio.scene.timeline import FIRST, Moment, metres
 
 # Time for which the title stands [s of the film].
 TITLE_TIME = 1.9
+
+# What is said after the title where no moment is proven.
+_USUALLY = "What its laser has seen is lit"
 
 # Number of maps or scans that are searched, at most.
 _COMPARED = 120
@@ -44,6 +48,12 @@ _FROM_AFAR = ("rise", "whole")
 
 # Share of the pieces of false walls that the picture shows: the nearest.
 _NEAR = 0.8
+
+# Least drift in the end that is said to be removed, in the length of the path.
+_LEAST_OFF = 0.01
+
+# How far off the estimate then is at most, in how far odometry alone is.
+_CLEARLY = 0.5
 
 # How far the picture of a loop reaches past its path [m].
 _PAST_LOOP = 3.5
@@ -78,7 +88,7 @@ class Subject(NamedTuple):
     # From when on the map beside the picture magnifies it [s], and the width of what it shows [m].
     magnified: tuple[float, ...] = ()
     # What is said after the title.
-    then: str = "What its laser has seen is lit"
+    then: str = ""
     # How it opens and ends: a key of the stagings of stories; those of the world if not given.
     staging: str = ""
     # What the camera looks at past the robot as it opens (2,), in the world [m]; what the first
@@ -101,7 +111,7 @@ def beams_told(run: Shown, moment: Moment, playback: float, shot: str) -> list[T
     beams = [*telling_beams(run, moment.scan)] if told else []
     if moment.scanning and shot == "proof" and len(subject.dropped):
         beams.append(beams_through(run, moment.scan, subject.dropped))
-    return beams
+    return [each for each in beams if len(each.ends)]
 
 
 # Up to eight runs may be side by side.
@@ -114,8 +124,8 @@ def subject_of(run: Shown, playback: float) -> Subject:
     found = found or _glass(run) or _reflectors(run, since) or _false_wall(run, since)
     usual = "A robot maps what it has never seen" if len(run.maps) else "What a laser sees"
     if found or run.knows_truth:
-        return found or Subject(usual)
-    return Subject(f"A file of {distances(run)} becomes a map", staging="record")
+        return found or Subject(usual, then=_USUALLY)
+    return Subject(f"A file of {distances(run)} becomes a map", then=_USUALLY, staging="record")
 
 
 def _loop(run: Shown) -> Subject | None:
@@ -127,6 +137,11 @@ def _loop(run: Shown) -> Subject | None:
     begins, closes = run.trajectory.times[[first, last]].tolist()
     path = drift.believed.poses[first : last + 1, :2]
     length = np.hypot(*np.diff(path, axis=0).T).sum()
+    last_time = run.trajectory.times[-1]
+    off = drift.off(last_time)
+    driven = np.hypot(*np.diff(drift.believed.poses[:, :2], axis=0).T).sum()
+    ghost, robot = np.hypot(*(drift.ends(last_time) - run.trajectory.poses[-1])[:, :2].T)
+    removed = off > _LEAST_OFF * driven and (robot < _CLEARLY * ghost or not run.knows_truth)
     return Subject(
         "Odometry drifts; the laser finds the way back",
         closes,
@@ -136,7 +151,7 @@ def _loop(run: Shown) -> Subject | None:
         seen="above",
         until=closes,
         after=f"Back after {metres(length)}: red shows the drift",
-        found=f"{metres(drift.off(run.trajectory.times[-1]))} of drift removed",
+        found=f"{metres(off)} of drift removed" * bool(removed),
         magnified=(begins, drift.magnified) * bool(drift.magnified),
         staging="record",
     )
@@ -165,7 +180,7 @@ def _false_room(run: Shown, since: float) -> Subject | None:
         until=float(until),
         after="The same room, mirrored: so this is a mirror" * bool(len(mirrors)),
         aim=aim,
-        found=f"{counted(len(mirrors), 'mirror')} found, {kept}",
+        found=f"{counted(len(mirrors), 'mirror') if len(mirrors) else 'no mirror'} found, {kept}",
         staging="mirror",
         faces=aim,
         pinned=mirrors,
@@ -192,6 +207,8 @@ def _robots(run: Shown, since: float) -> Subject | None:
     if away.min() > _TAKEN:
         return apart
     nearest, scan = np.unravel_index(np.argmin(away), away.shape)
+    aside = shapely.distance(shapely.points(false[first])[:, None], paths.ravel()).min(axis=1)
+    mixed = aside.max() > _TAKEN
     # Where that robot comes from, and goes to.
     there = others[nearest].at(times[scan] + _AROUND)[:, :2]
     entered = float(times[-1])
@@ -201,7 +218,7 @@ def _robots(run: Shown, since: float) -> Subject | None:
         places=np.vstack([_nearest(run, scans[first], false[first]), there]),
         proof=f"Here {{0}} sees {{{1 + nearest}}}",
         until=entered,
-        after="Red: a robot taken for a wall",
+        after="Red: false walls; one is a robot" if mixed else "Red: a robot taken for a wall",
         told=True,
         staging="robots",
         faces=at_first,
@@ -273,8 +290,9 @@ def _middles_of(run: Shown, kind: str) -> Float:
 
 def _reflectors(run: Shown, since: float) -> Subject | None:
     """The scan that sees the most reflectors after a time [s], much brighter than all else."""
-    bright = np.flatnonzero(walls_of(run.world, lambda material: material.retro > 1.0))
-    if not len(bright):
+    reflectors = reflectors_of(run.world)
+    count = 1 + int(reflectors.max())
+    if not count:
         return None
     times = run.trajectory.times
     late = np.flatnonzero((times > since) & (times < EARLY * times.max())).tolist()
@@ -288,50 +306,63 @@ def _reflectors(run: Shown, since: float) -> Subject | None:
     if scan.intensities is None:
         return None
     light = scan.intensities[scan.hits]
-    brighter = np.median(light[seen[most]]) / np.median(np.delete(light, seen[most]))
+    others = reflectors[scan.walls[scan.hits]] < 0
+    if not others.any():
+        return None
+    brighter = np.median(light[seen[most]]) / np.median(light[others])
     words = f"Reflectors: {brighter:.0f} × as bright as walls"
-    met = np.unique(np.concatenate([run.scans_at(number)[0].walls for number in range(len(times))]))
-    known = bright[np.isin(bright, met)]
+    scans = [scan for number in range(len(times)) for scan in run.scans_at(number)]
+    met = np.unique(reflectors[np.concatenate([scan.walls for scan in scans])])
+    met = met[met >= 0]
+    middles = run.world.segments.reshape(-1, 2, 2).mean(axis=1)
+    share = f"{len(met)} of {counted(count, 'reflector')} met"
     return Subject(
         "To a laser, reflectors outshine all else",
         float(times[late[most]]),
         _nearest(run, late[most], scan.points()[seen[most]]),
         words,
-        found=f"{len(known)} of {len(bright)} reflectors met, {brighter:.0f} × as bright as walls",
+        found=f"{share}, {brighter:.0f} × as bright as walls",
         told=True,
         staging="reflectors",
-        pinned=run.world.segments[known].reshape(-1, 2, 2).mean(axis=1),
+        pinned=np.array([middles[reflectors[:-1] == each].mean(axis=0) for each in met]),
     )
 
 
 def _false_wall(run: Shown, since: float) -> Subject | None:
-    """The map that drops false walls for good after a time [s], with the robot near them."""
+    """The map that drops a false wall for good after a time [s], with the robot near it."""
+    times = run.trajectory.times
     scans, false, _ = _false_walls(run, since)
-    later = np.zeros((0, 2))
-    gone = list[Float]()
-    for places in reversed(false):
-        gone.insert(
-            0, places[~shapely.dwithin(shapely.points(places), shapely.multipoints(later), _TAKEN)]
-        )
-        later = np.concatenate([later, places])
-    dropping = [number for number, places in enumerate(gone[:-1]) if len(places)]
-    if not dropping:
+    # What is left in the end contradicts the story.
+    if not len(scans) or len(false[-1]):
         return None
-    places = run.trajectory.poses[scans[1:], :2]
-    away = [
-        shapely.distance(shapely.multipoints(gone[k]), shapely.points(places[k])) for k in dropping
-    ]
-    best = dropping[int(np.argmin(away))]
-    known = float(run.trajectory.times[scans[best + 1]])
+    later = np.zeros((0, 2))
+    dropped = list[tuple[int, Float]]()
+    for scan, places in [*zip(scans[1:].tolist(), false[:-1], strict=True)][::-1]:
+        gone = ~shapely.dwithin(shapely.points(places), shapely.multipoints(later), _TAKEN)
+        dropped += [(scan, wall) for wall in _apart(places[gone])]
+        later = np.concatenate([later, places])
+    early = [(scan, wall) for scan, wall in dropped if times[scan] < EARLY * times.max()]
+    if not early:
+        return None
+    away = [np.hypot(*(wall - run.trajectory.poses[k, :2]).T).min() for k, wall in early]
+    scan, wall = early[int(np.argmin(away))]
+    gap = "a gap that looked like a wall from afar"
+    no_wall = "in the map, but no wall is there" if run.obstacles else gap
     return Subject(
         "False walls enter a map, and leave it again",
-        known,
-        places=gone[best],
-        proof="Red: in the map, but no wall is there",
-        until=known,
+        float(times[scan]),
+        places=wall,
+        proof=f"Red: {no_wall}",
+        until=float(times[scan]),
         after="Beams go through, so the map drops it",
-        then="" if run.obstacles else "From afar, a gap looks like a wall",
-        found="" if len(false[-1]) else "All false walls are gone again",
-        pinned=np.array([gone[k].mean(axis=0) for k in dropping]),
-        dropped=gone[best],
+        found="All false walls are gone again",
+        pinned=np.array([wall.mean(axis=0) for _, wall in dropped]),
+        dropped=wall,
     )
+
+
+def _apart(places: Float) -> list[Float]:
+    """Places (n, 2) of each of the false walls on which they are close to each other."""
+    points = shapely.points(places)
+    walls = shapely.get_parts(shapely.buffer(shapely.multipoints(points), _TAKEN))
+    return [places[shapely.intersects(wall, points)] for wall in walls if not wall.is_empty]

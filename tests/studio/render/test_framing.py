@@ -10,11 +10,13 @@ from test_render import city_run, needs_gl, room_run
 import lrf3d
 from lrf3d.studio.render.beside import Comparison
 from lrf3d.studio.render.film import Film, frame
+from lrf3d.studio.render.text import lay_pins
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.found import hits_on, lost_after, missed_by
 from lrf3d.studio.scene.look import PLAN_BACK
 from lrf3d.studio.scene.moments import LAYERS, Scene
-from lrf3d.studio.scene.pins import Pins
+from lrf3d.studio.scene.pins import Pins, share_of
+from lrf3d.studio.scene.shapes import Lens
 from lrf3d.studio.scene.shots import SHOTS
 from lrf3d.studio.scene.stage.stage import stage_of
 from lrf3d.studio.scene.timeline import Timeline
@@ -115,7 +117,7 @@ def test_the_wall_that_most_maps_miss_is_named_with_how_far_its_hits_scatter():
         "2: 10 of 12 walls found",
     )
     view = Look(np.zeros(3), np.ones(3), 1.0, shot="end")
-    pins = Pins.of(compared.named, view, np.zeros(3))
+    pins = Pins.of(compared.named, view.away, np.zeros(3))
     assert pins.words == ["1.4 m missed: 2", "92 cm missed: 1, 2"]
     # The robot has seen the wall from where its pin ends.
     away, beside = (
@@ -126,6 +128,17 @@ def test_the_wall_that_most_maps_miss_is_named_with_how_far_its_hits_scatter():
     # What all maps miss is not lost by more noise.
     alike = dict.fromkeys(("one", "two"), scenes["2"])
     assert Comparison(alike, (640, 200), "alike").card()[0] == "alike"
+
+
+def test_what_pins_say_is_not_laid_over_what_others_say_and_pins_are_small_in_narrow_pictures():
+    place = np.zeros((2, 3))
+    laid = []
+    for count in (1, 2):
+        pins = Pins(None, place[:count], place[:count], ["58 cm", "1.0 m"][:count])
+        laid.append(np.zeros((200, 320, 3), np.uint8))
+        lay_pins(laid[-1], pins, Lens(np.eye(4), np.zeros(3), 1.0, 0.0, 0.0, 1.0), (255, 0, 0))
+    assert laid[0].any() and (laid[0] == laid[1]).all()
+    assert share_of((640, 300)) == 1.0 and share_of((320, 568)) < 0.4
 
 
 def test_at_the_end_the_picture_is_all_there_is_and_missed_walls_are_red_in_it():

@@ -106,6 +106,15 @@ def test_a_robot_whose_map_is_not_shown_is_another_robot_in_what_is_said():
     assert story._said(0, timeline.start)[0] == "Here robot 1 sees another robot"
 
 
+def test_a_story_says_that_it_is_fast_forward_but_not_in_a_picture_or_a_part():
+    _, _, story = told(city_run(seconds=400.0), 4.0)
+    number = [shot.name for shot in story.shots].index("rise")
+    time = story.shots[number].start
+    assert story._said(number, time) == ("", "fast forward")
+    story.rushes = False
+    assert story._said(number, time) == ("",)
+
+
 def test_a_story_rises_in_time_and_ends_only_after_the_run():
     timeline, _, story = told(room_run(), 0.2)
     begins, ends = story.shots[0][2:]

@@ -54,6 +54,9 @@ def test_odometry_alone_drifts_round_a_loop_and_what_was_hit_with_it_and_one_lin
     assert said(run, "proof", time=8.0)[-2:] == ("━ odometry alone", "━ gap 80 cm")
     head, *_, gap = said(run, "end", time=10.0)
     assert (head, gap) == ("1.0 m of drift removed", "━ gap 1.0 m")
+    # An estimate that is as far off has removed none.
+    wrong = replace(run.estimate, poses=run.estimate.poses + np.array([1.0, 0.0, 0.0]))
+    assert subject_of(replace(run, estimate=wrong), 1.0).found == ""
     hits = [scan.points() for scan in run.scans]
     moved = np.repeat(0.1 * np.arange(len(run)), [len(each) for each in hits])
     places = drift.points(len(run)).places
@@ -146,6 +149,23 @@ def test_reflectors_are_the_subject_and_their_beams_are_told_from_near(material,
     assert [each.words for each in seen] == beams
 
 
+def test_a_reflector_of_several_walls_is_one_also_where_the_second_laser_meets_it():
+    box = [[1, 1, 2, 1], [2, 1, 2, 2], [2, 2, 1, 2], [1, 2, 1, 1]]
+    walls = [[-4, -4, 6, -4], *box, [-3, -3, -3, 3]]
+    materials = ["brick", "retro-reflector", "retro-reflector"]
+    world = lrf3d.World(walls, [0, 1, 1, 1, 1, 2], materials=materials)
+    front, rear = (
+        lrf3d.LaserRangeFinder(-1.6, 1.6, 181, mount=(0.0, 0.0, turn), name=name)
+        for name, turn in (("front", 0.0), ("rear", np.pi))
+    )
+    times = np.arange(0.0, 20.0, 2.0)
+    drive = lrf3d.Trajectory(times, [(0.1 * time, 0.0, 0.0) for time in times])
+    run = lrf3d.simulate(world, drive, [front, rear], noise=None, rng=0)
+    subject = subject_of(run, 1.0)
+    assert subject.found.startswith("2 of 2 reflectors met") and len(subject.pinned) == 2
+    assert [each.words for each in telling_beams(run, 4)] == ["back from 1 reflector"]
+
+
 def test_a_robot_that_a_map_takes_for_a_wall_is_the_subject_from_when_it_does():
     run = room_run()
     path = lrf3d.Trajectory([0.0, 9.0], [(4.0, 3.0, 0.0)] * 2)
@@ -170,13 +190,22 @@ def test_a_robot_that_a_map_takes_for_a_wall_is_the_subject_from_when_it_does():
 def test_a_false_wall_that_the_map_drops_is_the_subject_with_the_beams_that_go_through():
     run = room_run()
     wrong = replace(run.map, segments=0.1 * run.map.segments + 3.0)
-    last = len(run) - 1
-    mended = replace(run, maps=(wrong, run.map), snapshot_scans=(0, last))
+    half, last = len(run) // 2, len(run) - 1
+    mended = replace(run, maps=(wrong, run.map), snapshot_scans=(0, half))
     subject = subject_of(mended, 0.1)
-    assert subject.moment == subject.until == run.trajectory.times[last]
+    assert subject.moment == subject.until == run.trajectory.times[half]
     assert len(subject.pinned) == 1 and subject.found.startswith("All false walls are gone")
-    through = beams_through(mended, last, subject.dropped)
+    through = beams_through(mended, half, subject.dropped)
     assert through.words.endswith("through it") and len(through.ends)
+    # Two walls have two pins, and beams go through one of them.
+    apart = np.concatenate([wrong.segments, wrong.segments - [2.0, 0.0, 2.0, 0.0]])
+    twice = lrf3d.LineMap(apart, *(np.tile(each, 2) for each in (wrong.objects, wrong.points)))
+    both = subject_of(replace(mended, maps=(twice, run.map)), 0.1)
+    assert len(both.pinned) == 2 and np.ptp(both.dropped[:, 0]) < 1.5
+    # What the film cannot reach, or what is left in the end, is no subject.
+    late = replace(mended, snapshot_scans=(0, last))
+    left = replace(mended, maps=(wrong, run.map, twice), snapshot_scans=(0, half, last))
+    assert subject_of(late, 0.1).moment is None and subject_of(left, 0.1).moment is None
     # What stays false to the end is no subject.
     kept = replace(mended, maps=(wrong, wrong))
     assert subject_of(kept, 0.1).moment is None
