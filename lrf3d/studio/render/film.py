@@ -31,7 +31,7 @@ from lrf3d.studio.render.text import (
 from lrf3d.studio.scene import panel
 from lrf3d.studio.scene.bodies import robots_of
 from lrf3d.studio.scene.camera import Look
-from lrf3d.studio.scene.look import FALSE_COLOUR, PALE_WALL, SIZE, TRAIL_COLOUR, Colour
+from lrf3d.studio.scene.look import FALSE_COLOUR, PALE_WALL, PLAN_BACK, SIZE, TRAIL_COLOUR, Colour
 from lrf3d.studio.scene.moments import LAYERS, Goal, Scene
 from lrf3d.studio.scene.shapes import NAMED, Label, Pixels
 from lrf3d.studio.scene.shots import FIRST_SHOT, LENGTH, LONGEST, SHORTEST, SHOTS
@@ -59,6 +59,9 @@ _WIDEST = 0.27
 
 # Least width of the map, of which a smaller one is left out [pixels].
 _LEAST_SIDE = 30
+
+# How much faster the strip fades than it leaves.
+_FADES = 4.0
 
 # Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one.
 _RENDERERS = ("embree", "gl")
@@ -256,7 +259,7 @@ class Film:
             room = columns, self._band
             text = banded(self._label(moment, view), room, self._scale)
             picture = np.vstack([picture, text])
-        return picture if columns == width else self._beside(picture, time)
+        return picture if columns == width else self._beside(picture, time, view.inset)
 
     def _label(self, moment: Moment, view: Look) -> Label:
         """The text of a moment, of several robots with what their maps hold."""
@@ -285,15 +288,17 @@ class Film:
             label = label._replace(text=(head, *found), colours=(panel.INK, *colours))
         return label
 
-    def _beside(self, picture: Pixels, time: float) -> Pixels:
-        """A picture (h, w, 3) with the maps of a time [s] in the strip beside it."""
+    def _beside(self, picture: Pixels, time: float, left: float) -> Pixels:
+        """A picture (h, w, 3) with the maps of a time [s] in what is left of the strip, 0…1."""
         maps = zip(self.maps, self._drawers, strict=True)
         rows = [row for each, renderer in maps for row in each.rows(time, renderer.plan)]
         width, _ = self._size
         room = self._strip, picture.shape[0]
         strip = stacked([*rows, *self.maps[0].legend(time)], room, self._gap)
-        # What leaves the picture leaves it to the right.
-        return np.hstack([picture, strip[:, : width - picture.shape[1]]])
+        # What leaves the picture leaves it to the right, and fades before it is cut.
+        share = max(1.0 - _FADES * (1.0 - left), 0.0)
+        faded = PLAN_BACK + share * (strip - np.array(PLAN_BACK))
+        return np.hstack([picture, faded.round().astype(np.uint8)[:, : width - picture.shape[1]]])
 
     def _view(self, time: float) -> Look:
         """The look at a time, in what the strip of the map leaves of the picture."""

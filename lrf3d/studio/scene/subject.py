@@ -24,9 +24,16 @@ from lrf3d.studio.scene.glass import (
     reflectors_of,
     telling_beams,
 )
+from lrf3d.studio.scene.look import TINY
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.structures import turning_walls
 from lrf3d.studio.scene.timeline import FIRST, Moment, metres
+
+# Largest distance of the end of a wall from the middle of a gap [m].
+_GAP = 1.5
+
+# Cosine of the angle from which on two such ends are on opposite sides.
+_OPPOSITE = -0.9
 
 # Time for which the title stands [s of the film].
 TITLE_TIME = 1.9
@@ -180,7 +187,7 @@ def _false_room(run: Shown, since: float) -> Subject | None:
         until=float(until),
         after="The same room, mirrored: so this is a mirror" * bool(len(mirrors)),
         aim=aim,
-        found=f"{counted(len(mirrors), 'mirror') if len(mirrors) else 'no mirror'} found, {kept}",
+        found=f"{counted(len(mirrors), 'mirror') if len(mirrors) else 'No mirror'} found, {kept}",
         staging="mirror",
         faces=aim,
         pinned=mirrors,
@@ -298,7 +305,7 @@ def _reflectors(run: Shown, since: float) -> Subject | None:
     late = np.flatnonzero((times > since) & (times < EARLY * times.max())).tolist()
     late = late[:: 1 + len(late) // _COMPARED]
     seen = [met_reflectors(run, number) for number in late]
-    counts = [len(each) for each in seen]
+    counts = list(map(len, seen))
     if not any(counts):
         return None
     most = int(np.argmax(counts))
@@ -346,19 +353,27 @@ def _false_wall(run: Shown, since: float) -> Subject | None:
         return None
     away = [np.hypot(*(wall - run.trajectory.poses[k, :2]).T).min() for k, wall in early]
     scan, wall = early[int(np.argmin(away))]
-    gap = "a gap that looked like a wall from afar"
-    no_wall = "in the map, but no wall is there" if run.obstacles else gap
     return Subject(
         "False walls enter a map, and leave it again",
         float(times[scan]),
         places=wall,
-        proof=f"Red: {no_wall}",
+        proof=f"Red: {_no_wall(run, wall)}",
         until=float(times[scan]),
         after="Beams go through, so the map drops it",
         found="All false walls are gone again",
         pinned=np.array([wall.mean(axis=0) for _, wall in dropped]),
         dropped=wall,
     )
+
+
+def _no_wall(run: Shown, wall: Float) -> str:
+    """What is where the map has a false wall (n, 2): walls end on opposite sides of a gap."""
+    ends = run.world.segments.reshape(-1, 2) - wall.mean(axis=0)
+    away = np.hypot(*ends.T)
+    sides = (ends / np.maximum(away, TINY)[:, None])[away < _GAP]
+    if (sides @ sides.T).min(initial=0.0) < _OPPOSITE and not run.obstacles:
+        return "a gap that looked like a wall from afar"
+    return "in the map, but no wall is there"
 
 
 def _apart(places: Float) -> list[Float]:
