@@ -201,10 +201,13 @@ def test_an_unusable_cloud_is_refused_in_one_line(text, tmp_path):
 def test_the_points_of_a_planar_laser_may_be_in_the_frame_of_the_robot(tmp_path):
     level = cast((0, 0, 0), lrf3d.Lidar([0.0], columns=180, mount=(0, 0, 0.8)))
     sent = cloud(level, 0.0, "f4 f4 f4", ring="")
-    raised = np.array(sent["data"]).view(np.float32)
-    raised[2::3] += 0.8
+    sent["data"].view(np.float32)[2::3] += 0.8
     log = load_log(bag(tmp_path / "bag", sent, mount=(0, 0, 0)))
     assert len(log.scans[0].points()) == 180
+    assert "points within 0.2 m of their height, 0.8 m (or" in log.notes[0]
+    # A lidar elsewhere that first meets something flat above it keeps its own height.
+    log = load_log(bag(tmp_path / "b", sent, cloud(cast((0, 0, 0)), 1.0, "f4 f4 f4", ring="")))
+    assert [int(np.isfinite(scan.ranges).sum()) for scan in log.scans] == [0, 180]
 
 
 def test_clouds_in_a_fixed_frame_and_without_times_are_named(tmp_path):
