@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 from numpy.lib import format as npy
-from stops import Stop, stopping
+from stops import record_up_to
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, World
@@ -134,8 +134,7 @@ def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path):
         simulation.film = film
         return simulation
 
-    with pytest.raises(Stop):
-        lrf3d.record(made(), path, progress=stopping(2))
+    record_up_to(2, made(), path)
     run = lrf3d.record(made(), path, resume=True)
     assert run.film == film and len(run) == len(POSES)
     with pytest.raises(InputError, match="no poses from odom in it; a run has only true poses"):

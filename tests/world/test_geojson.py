@@ -261,20 +261,6 @@ def test_a_building_across_the_dateline_is_as_wide_as_it_is(crs, cut, tmp_path):
     assert abs(world.place[0]) == pytest.approx(180.0) and world.place[1] < -16.0
 
 
-@pytest.mark.parametrize("where", ["member", "property"])
-def test_a_key_that_stands_twice_is_named(where, tmp_path):
-    ring = json.dumps(rectangle(0, 0, 5, 5))
-    twice = '"height": 3, "height": 30' if where == "property" else ""
-    extra = '"name": "a", "name": "b",' if where == "member" else ""
-    (tmp_path / "t.geojson").write_text(
-        f'{{{extra} "type": "Feature", "properties": {{{twice}}},'
-        f' "geometry": {{"type": "Polygon", "coordinates": [{ring}]}}}}'
-    )
-    name = "name" if where == "member" else "height"
-    with pytest.raises(WorldError, match=rf"t\.geojson: .*'{name}' stands twice"):
-        load_world(tmp_path / "t.geojson")
-
-
 def test_roads_water_and_land_are_no_walls(tmp_path):
     square = [[0, 0], [9, 0], [9, 9], [0, 9], [0, 0]]
     far = (np.array(square) + 50).tolist()
