@@ -121,11 +121,11 @@ def with_ranges(scan: Scan, ranges: Float) -> Scan:
         >>> with_ranges(scan, scan.ranges + 0.25).ranges.tolist()
         [1.25, 2.25]
     """
-    single = isinstance(scan, LaserScan)
-    distances = read_only(ranges, "ranges") if single else numbers(ranges, "ranges")
+    taken = read_only if isinstance(scan, LaserScan) else numbers
+    distances = taken(ranges, "ranges")
     if distances.shape != scan.ranges.shape:
         raise InputError(f"ranges {distances.shape}: expected {scan.ranges.shape}, one a beam")
-    if not single:
+    if not isinstance(scan, LaserScan):
         return replace(scan, ranges=distances)
     made = scan.at_time(scan.time)
     made.__dict__["ranges"] = returned(distances, min(scan.range_max, LARGEST_COORDINATE))
