@@ -43,9 +43,6 @@ _KEYS = (
     "dots: all that the laser measured of it  ·  red: not in the map",
 )
 
-# Height of letters [pixels of 720 lines].
-LETTER = 25.0
-
 # Half the thickness of the scale, in letters.
 _BAR = 0.04
 
@@ -189,7 +186,7 @@ class MapBeside:
         window = self._window(time)
         run: Any = self._scene.run
         own = [*self._colours[:1]] or [*filter(None, self._scene.team.values())]
-        segments = [(NAMED, _ink(tint)) for tint in own or look.found_colours(_SHARES)]
+        segments = [(NAMED, _ink(tint)) for tint in own or look.between(_SHARES, look.FOUND)]
         seen = ("■", _ink(look.EXPLORED))
         robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not self._colours)
         long = round(window.bar / window.width * self.size[0])

@@ -16,9 +16,10 @@ from lrf3d.base.errors import InputError, expect, shown
 from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import is_finite, number, read_only, whole_number
 from lrf3d.simulation.run import Run
-from lrf3d.studio.render.beside import LETTER, Comparison, MapBeside, together
+from lrf3d.studio.render.beside import Comparison, MapBeside, together
 from lrf3d.studio.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.studio.render.text import (
+    LETTER,
     LINE,
     band_of,
     banded,

@@ -42,8 +42,8 @@ _LEAST_BAND = 16
 # Free border of the text, in the height of the band.
 _MARGIN = 0.12
 
-# Height of the letters of pins [pixels of 720 lines].
-_PINNED = 25.0
+# Height of the letters of maps and pins [pixels of 720 lines].
+LETTER = 25.0
 
 # Words and their colours, 0…255.
 Words = tuple[tuple[str, tuple[int, ...]], ...]
@@ -137,7 +137,7 @@ def lay_pins(picture: Pixels, pins: Pins | None, lens: Lens, colour: tuple[int, 
     clips = np.stack([pins.tips, pins.ends]) @ lens.matrix[:, :3].T + lens.matrix[:, 3]
     tips, ends = 0.5 * (1.0 + clips[..., :2] / clips[..., 3:]) * size
     for (x, _), (left, middle), said in [*zip(tips, ends, pins.words, strict=True)][::-1]:
-        row = row_of(((said, colour),), round(_PINNED * scale_of(size)), size[0])
+        row = row_of(((said, colour),), round(LETTER * scale_of(size)), size[0])
         leftwards = left < x or left + gap + row.width > size[0]
         left = min(left, x) - gap - row.width if leftwards else left + gap
         place = np.array([left, middle - row.height / 2])

@@ -184,8 +184,9 @@ def robots_of(
 
 
 def robot_names(obstacles: "Sequence[DynamicObstacle]", names: Sequence[str] = ()) -> Sequence[str]:
-    """What a robot and the others among obstacles are called: by their names, if they have any."""
-    return names or ["this robot", *["another robot"] * len(robots_of(obstacles))]
+    """What a robot and the others among obstacles are called: more may be there than have names."""
+    usual = ["this robot", *["another robot"] * len(robots_of(obstacles))]
+    return [*names, *usual[len(names) :]]
 
 
 class Obstacles:

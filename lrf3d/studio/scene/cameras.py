@@ -11,12 +11,9 @@ from lrf3d.studio.scene.camera import AIM, CameraPath, Look, PathCamera, SmoothP
 from lrf3d.studio.scene.look import SECTION, TINY, Rig
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.structures import Structures
+from lrf3d.studio.scene.staging import STAGINGS
 from lrf3d.studio.scene.timeline import Timeline, interpolated
 from lrf3d.world.cameras import FixedCamera
-
-# The chase camera in rooms with mirrors: it is low, and walls are not cut, so mirrors show the
-# robot.
-_CHASE_MIRRORS = Rig(3.4, 15.0, 56.0, -0.25)
 
 # Angular speed of an orbit [rad/s of the film].
 _TURN = np.radians(9.0)
@@ -92,10 +89,10 @@ def chase(timeline: Timeline, structures: Structures) -> PathCamera:
 
     Among houses the eye comes nearer where a wall hides the robot; in rooms walls are cut.
     """
-    # Where there are mirrors walls are not cut, before a low eye.
+    # Where there are mirrors walls are not cut, before a low eye, so that they show the robot.
     path = SmoothPath.of(timeline)
     mirrors = structures.indoor and bool(structures.mirrors.any())
-    track = behind(path, _CHASE_MIRRORS if mirrors else structures.setting.chase)
+    track = behind(path, STAGINGS["mirror"].first if mirrors else structures.setting.chase)
     track = track.past_walls(
         replace(structures, indoor=False) if mirrors else structures, path.places
     )

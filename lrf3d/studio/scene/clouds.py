@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.casting.skyline import swept
 from lrf3d.geometry.lines import TINY, Float
 from lrf3d.laser import LidarScan
-from lrf3d.studio.scene.look import rgb
+from lrf3d.studio.scene.look import between, rgb
 from lrf3d.studio.scene.shapes import Points, single
 
 # Colours of points from the floor to the top.
@@ -46,13 +46,9 @@ def draw_clouds(
     # Intensities span four powers of ten, as those of hits of range finders do.
     top = min(TOP, high)
     share = 1.0 + 0.25 * np.log10(rows[:, 3]) if by == "intensity" else places[:, 2] / top
-    steps = np.linspace(0.0, 1.0, len(HEIGHT_COLOURS))
-    colours = [np.interp(share, steps, channel) for channel in HEIGHT_COLOURS.T]
-    colours.append(np.ones(len(places)))
+    colours = np.insert(between(share, HEIGHT_COLOURS), 3, 1.0, axis=1)
     sides = np.zeros((len(places), 2))
-    return Points(
-        single(places), single(np.column_stack(colours)), single(sides), SIZE, PIXELS, glows=False
-    )
+    return Points(single(places), single(colours), single(sides), SIZE, PIXELS, glows=False)
 
 
 def _points(scan: LidarScan, most: int, by: str) -> Float:

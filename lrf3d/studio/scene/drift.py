@@ -6,7 +6,7 @@ best how far it drifts leave.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -152,6 +152,12 @@ class Drift:
         spots = np.insert(level, 2, self.run.lasers[0].height, axis=1)
         sides = single(0.0 * level)
         return Points(single(spots), single(colours), sides, *_HIT_SIZE, glows=False)
+
+
+@lru_cache(1)
+def drift_of(run: Shown) -> Drift | None:
+    """The drift of a run in the world; None where it is not known."""
+    return Drift.of(run, np.zeros(2))
 
 
 def _loop(poses: Float, alone: Float, closures: Int) -> tuple[int, int] | None:

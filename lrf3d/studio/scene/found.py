@@ -1,22 +1,21 @@
 """The walls that a run has found at a moment, and the false ones: one count for all films say."""
 
 from collections.abc import Iterable
-from functools import partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import shapely
 
-from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import Bool, Float, Int, cross, directions
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.scoring.map_score import found_walls, judged_part, visible_walls
 from lrf3d.simulation.run import Run
-from lrf3d.studio.scene.glass import walls_of
 from lrf3d.studio.scene.look import NOTHING
 from lrf3d.studio.scene.marks import false_pieces
 from lrf3d.studio.scene.shown import Shown
+from lrf3d.studio.scene.stage.structures import walls_of
 from lrf3d.world import World
 
 # Number of maps of a run of which the walls found are counted, at most: usual runs keep fewer.
@@ -34,31 +33,16 @@ _APART = 0.01
 # Sine of the angle up to which they are parallel.
 _PARALLEL = 0.1
 
-# The walls that the last maps of the runs asked for last miss.
-_LOST = Latest(8)
-
-# The walls that the runs asked for last could see: those of a usual fleet.
-_WALLS = Latest(8)
-
-# The search trees of all walls of their worlds.
-_TREES = Latest(8)
-
-# Which of the walls their maps have found.
-_FOUND = Latest(2 * _SCORED)
-
-# How many false walls these have.
-_FALSE = Latest(2 * _SCORED)
+# Number of runs whose walls are kept: those of a usual fleet.
+_RUNS = 8
 
 
+@lru_cache(_RUNS)
 def visible_to(run: Run) -> tuple[Float, Int]:
     """The parts of walls (v, 4) that a run could see, and their walls (v,).
 
     None where the true walls are not known, or where nothing is mapped.
     """
-    return _WALLS.of(run, partial(_visible, run))
-
-
-def _visible(run: Run) -> tuple[Float, Int]:
     if run.knows_truth and len(run.maps) and len(run.world.segments):
         return visible_walls(judged_part(run))
     return np.zeros((0, 4)), np.zeros(0, np.int64)
@@ -70,7 +54,13 @@ def found_after(run: Run, scan: int) -> Bool:
     # Not each map is scored, but the last one is.
     if number < len(run.maps) - 1:
         number -= number % (1 + len(run.maps) // _SCORED)
-    return _FOUND.of((run, number), partial(_found, run, number))
+    return _found(run, number)
+
+
+@lru_cache(2 * _SCORED)
+def _found(run: Run, number: int) -> Bool:
+    line_map = run.maps[number] if number >= 0 else LineMap.empty()
+    return found_walls(line_map, visible_to(run)[0])
 
 
 def lost_after(run: Run, scan: int) -> Float:
@@ -79,16 +69,13 @@ def lost_after(run: Run, scan: int) -> Float:
     return visible_to(run)[0][~found_after(run, scan)] if ended else np.zeros((0, 4))
 
 
+@lru_cache(_RUNS)
 def lost_walls(run: Run) -> tuple[Float, str, list[str]]:
     """The walls that its last map misses, why in a sentence, and of each in few words.
 
     Their visible parts (n, 4) have the side that is missed on the left. Nothing is said of each
     where the reason is not known, or the same for all.
     """
-    return _LOST.of(run, partial(_lost, run))
-
-
-def _lost(run: Run) -> tuple[Float, str, list[str]]:
     parts, walls = visible_to(run)
     found = found_after(run, len(run) - 1)
     lost = parts[~found]
@@ -106,7 +93,7 @@ def _lost(run: Run) -> tuple[Float, str, list[str]]:
     hits = (beams > 0).sum(axis=0)
     said = [f"hit in {counted(count, 'scan')}" for count in hits.tolist()]
     words = f"{len(lost)} missed"
-    clear = np.isin(walls, walls_of(run.world, lambda material: material.passes))
+    clear = walls_of(run.world, lambda material: material.passes)[walls]
     if clear.any():
         words += f", {clear.sum()} of glass"
         said = np.where(clear, "glass", "").tolist()
@@ -153,11 +140,6 @@ def hits_on(run: Run, part: Float) -> tuple[Float, float]:
     return places, float(np.sqrt((off**2).sum() / max(1, len(off))))
 
 
-def _found(run: Run, number: int) -> Bool:
-    line_map = run.maps[number] if number >= 0 else LineMap.empty()
-    return found_walls(line_map, visible_to(run)[0])
-
-
 def false_after(run: Run, scan: int) -> int:
     """How many walls its map has after a scan where there is none, if the true ones are known."""
     number = run.snapshot_after(scan)
@@ -170,17 +152,14 @@ def has_false_walls(run: Run) -> bool:
     return run.knows_truth and any(false_walls(run, number)[0] for number in scored)
 
 
+@lru_cache(2 * _SCORED)
 def false_walls(run: Shown, number: int) -> tuple[int, Float]:
     """How many walls a map of a run has where there is none, and where their pieces lie (n, 2)."""
-    return _FALSE.of((run, number), partial(_false, run, number))
-
-
-def _false(run: Shown, number: int) -> tuple[int, Float]:
-    tree = _TREES.of(run.world, partial(_tree, run.world))
-    pieces, owner, false = false_pieces(run.maps[number].segments, tree)
+    pieces, owner, false = false_pieces(run.maps[number].segments, _tree(run.world))
     return len(np.unique(owner[false])), pieces[false].reshape(-1, 2, 2).mean(axis=1)
 
 
+@lru_cache(_RUNS)
 def _tree(world: World) -> shapely.STRtree:
     return shapely.STRtree(shapely.linestrings(world.segments.reshape(-1, 2, 2)))
 

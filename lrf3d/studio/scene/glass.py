@@ -3,35 +3,30 @@
 Walls of glass, an eye and scans enter; translucent faces, lines and counts leave.
 """
 
-from collections.abc import Callable
-from functools import partial
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
-from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LEFT, Bool, Float, Int, directions, lengths
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.studio.scene import look
+from lrf3d.studio.scene.marks import divided
 from lrf3d.studio.scene.shapes import Lines, Soft, level_lines, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure
-from lrf3d.studio.scene.stage.structures import Structures, folded
+from lrf3d.studio.scene.stage.structures import Structures, folded, walls_of
 from lrf3d.studio.scene.timeline import FIRST
 from lrf3d.world import World
-from lrf3d.world.materials import Material
 
 # Colour of a beam that goes through glass.
 THROUGH_COLOUR = look.rgb("#7fe3ff")
 
-# Colour of a beam that comes back from it.
+# Colour of a beam that comes back from it, or from a mirror.
 BACK_COLOUR = look.rgb("#fff2cc")
-
-# Colour of a beam that a mirror turns.
-TURNED_COLOUR = BACK_COLOUR
 
 # Colour of a beam that comes back from a reflector.
 REFLECTED_COLOUR = look.MATERIAL_COLOURS["retro"]
@@ -70,12 +65,6 @@ _BEAM = 0.8
 # Width of these beams [pixels of 720 lines].
 _WIDE = 2.2 * look.FINE
 
-# The glass of the world that was asked for last.
-_PANES = Latest()
-
-# The beams of the scans that were asked for last.
-_SHOWN = Latest(2)
-
 # Share of a run in which the scan is chosen that a film shows.
 EARLY = 0.75
 
@@ -106,13 +95,10 @@ class Panes(NamedTuple):
         clear = structures.glass
         walls = structures.segments[clear]
         count = np.maximum(np.round(lengths(walls) / _BAY), 1.0).astype(int)
-        owner = np.repeat(np.arange(len(walls)), count)
-        part = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        begin, end = np.hsplit(walls[owner], 2)
-        a, b = (begin + ((part + k) / count[owner])[:, None] * (end - begin) for k in (0, 1))
+        parts, owner = divided(walls, count)
         tops = np.minimum(structures.heights[clear], max(cut, _HIGH))[owner]
         framed = structures.mirrors
-        segments = np.concatenate([np.hstack([a, b]), structures.segments[framed]])
+        segments = np.concatenate([parts, structures.segments[framed]])
         tops = np.append(tops, np.minimum(structures.heights[framed], cut))
         foot, far = (np.insert(ends, 2, 0.0, axis=1) for ends in np.hsplit(segments, 2))
         c, d = (ends + tops[:, None] * [0.0, 0.0, 1.0] for ends in (far, foot))
@@ -122,14 +108,14 @@ class Panes(NamedTuple):
         edges = Lines(
             single(starts), single(np.concatenate([d, c, c])), colours, full, 1.5 * look.FINE
         )
-        corners = np.stack([foot, far, c, d], axis=1)[: len(a)]
-        seen = np.full(len(a), -np.inf)
-        mapped = np.full(len(a), np.inf)
+        corners = np.stack([foot, far, c, d], axis=1)[: len(parts)]
+        seen = np.full(len(parts), -np.inf)
+        mapped = np.full(len(parts), np.inf)
         if exposure is not None:
-            found = exposure.sampled(0.5 * (a + b))
+            found = exposure.sampled(0.5 * (parts[:, :2] + parts[:, 2:]))
             seen = np.where(found["sure"] > 0.5, found["seen"], np.inf)
             mapped = found["mapped"]
-        return cls(corners, directions(np.hstack([a, b])) @ LEFT, seen, mapped, edges)
+        return cls(corners, directions(parts) @ LEFT, seen, mapped, edges)
 
     def faces(self, eye: Float, now: float) -> Soft:
         """The panes from an eye (3,) at a time [lengths of the run]: opaque only at grazing angles.
@@ -158,22 +144,13 @@ def at_glass(world: World, starts: Float, ends: Float) -> tuple[Bool, Bool]:
     return shapely.intersects(panes, ways) & ~back, back
 
 
+@lru_cache(1)
 def panes_of(world: World) -> shapely.Geometry:
     """All walls of glass of a world."""
-    return _PANES.of(world, partial(_panes, world))
-
-
-def _panes(world: World) -> shapely.Geometry:
     walls = world.segments[walls_of(world, lambda material: material.passes)]
     panes = shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2)))
     shapely.prepare(panes)
     return panes
-
-
-def walls_of(world: World, chosen: Callable[[Material], bool]) -> Int:
-    """The walls of chosen materials."""
-    objects = [one is not None and chosen(one) for one in world.materials]
-    return np.flatnonzero(np.isin(world.objects, np.flatnonzero(objects)))
 
 
 def met_reflectors(run: Shown, number: int) -> Int:
@@ -182,7 +159,7 @@ def met_reflectors(run: Shown, number: int) -> Int:
     walls = scan.walls[scan.hits]
     bright = walls_of(run.world, lambda material: material.retro > 1.0)
     met, first = np.unique(walls, return_index=True)
-    return first[np.isin(met, bright)]
+    return first[np.isin(met, np.flatnonzero(bright))]
 
 
 def _met_robots(run: Shown, number: int, ends: Float) -> Bool:
@@ -205,12 +182,9 @@ class TellingBeams(NamedTuple):
     colour: look.Colour
 
 
-def telling_beams(run: Shown, number: int) -> list[TellingBeams]:
+@lru_cache(2)
+def telling_beams(run: Shown, number: int) -> tuple[TellingBeams, ...]:
     """The beams of a scan at glass, and those that other robots or reflectors send back."""
-    return _SHOWN.of((run, number), partial(_telling, run, number))
-
-
-def _telling(run: Shown, number: int) -> list[TellingBeams]:
     scan = unrolled(run.scans_at(number)[0])
     ends = scan.points()
     found = []
@@ -227,7 +201,7 @@ def _telling(run: Shown, number: int) -> list[TellingBeams]:
     if len(bright) and not any(each.is_robot for each in run.obstacles):
         words = f"back from {counted(len(bright), 'reflector')}"
         found.append(TellingBeams(words, ends[bright], REFLECTED_COLOUR))
-    return found
+    return tuple(found)
 
 
 def beams_through(run: Shown, number: int, places: Float) -> TellingBeams:
@@ -265,7 +239,7 @@ def bounced(
     legs = legs[beams == best]
     legs[0, :2] = apex
     way = np.vstack([legs, [*legs[0, 2:], *ends[best]]])
-    colours = np.array([*[TURNED_COLOUR] * len(legs), look.FALSE_COLOUR])
+    colours = np.array([*[BACK_COLOUR] * len(legs), look.FALSE_COLOUR])
     starts, stops = np.hsplit(way, 2)
     return level_lines(height, starts, stops, colours, np.ones((len(way), 2)), look.BOLD)
 
@@ -283,17 +257,10 @@ class GlassCounts(NamedTuple):
     pane: Float = np.zeros(4)
 
 
-# The counts of the run that was asked for last.
-_COUNTS = Latest()
-
-
+@lru_cache(1)
 def counts_at_glass(run: Shown) -> GlassCounts:
     """What the beams of a run did at its glass; of a long run some scans are counted for all."""
-    return _COUNTS.of(run, partial(_counts, run))
-
-
-def _counts(run: Shown) -> GlassCounts:
-    if not any(one is not None and one.passes for one in run.world.materials):
+    if not walls_of(run.world, lambda material: material.passes).any():
         return GlassCounts()
     numbers = range(0, len(run.trajectory.times), 1 + len(run.trajectory.times) // _COUNTED)
     scans = [run.scans_at(number)[0] for number in numbers]

@@ -280,10 +280,10 @@ def object_colours(world: World, *, indoor: bool) -> Float:
     return np.clip(np.where(np.isnan(given), chosen, given), 0.0, 1.0)
 
 
-def found_colours(shares: Float) -> Float:
-    """Colours (n, 3) of walls of a map, by the share 0…1 of its walls found before each (n,)."""
-    steps = np.linspace(0.0, 1.0, len(FOUND))
-    return np.column_stack([np.interp(shares, steps, channel) for channel in FOUND.T])
+def between(shares: Float, colours: Float) -> Float:
+    """Colours (n, 3) at shares 0…1 (n,) of the way along others (k, 3)."""
+    steps = np.linspace(0.0, 1.0, len(colours))
+    return np.column_stack([np.interp(shares, steps, channel) for channel in colours.T])
 
 
 def paler(colour: Iterable[float]) -> list[float]:

@@ -172,8 +172,7 @@ def _point_colours(scan: LaserScan, by: str) -> Float:
     if by == "intensity" and scan.intensities is not None:
         with np.errstate(divide="ignore"):
             share = np.log(scan.intensities[scan.hits]) / np.log(_DARKEST_HIT)
-    steps = np.linspace(0.0, 1.0, len(RANGE_COLOURS))
-    return np.column_stack([np.interp(share, steps, channel) for channel in RANGE_COLOURS.T])
+    return look.between(share, RANGE_COLOURS)
 
 
 def _sides(origins: Float, walls: Float, numbers: Int) -> Float:
@@ -218,7 +217,7 @@ class DrawnMap:
             times = _first_mapped(drawn, exposure)
             # What was found at once has one colour, half-way between what is earlier and later.
             ranks = np.searchsorted(order, times) + np.searchsorted(order, times, "right")
-            colours = look.found_colours(0.5 * ranks / max(1, len(order)))
+            colours = look.between(0.5 * ranks / max(1, len(order)), look.FOUND)
         if run.knows_truth:
             # A wall may go on into its reflection, or to where a robot was.
             drawn, owner, false = false_pieces(drawn, structures.tree)
@@ -287,16 +286,16 @@ def false_pieces(
     )
     near = np.unique(np.intersect1d(start, end) // max(1, len(walls)))
     far = np.delete(np.arange(len(segments)), near)
-    pieces, owner = _pieces(segments[far])
+    count = np.clip(np.ceil(lengths(segments[far]) / _GHOST_STEP), 1, _MOST_PIECES).astype(int)
+    pieces, owner = divided(segments[far], count)
     middles = shapely.points(0.5 * (pieces[:, :2] + pieces[:, 2:]))
     others, _ = walls.query(middles, **on_walls)
     false = len(near) + np.setdiff1d(np.arange(len(owner)), others)
     return np.concatenate([segments[near], pieces]), np.append(near, far[owner]), false
 
 
-def _pieces(segments: Float) -> tuple[Float, Int]:
-    """Segments (n, 4) in short pieces (p, 4), and the segment of each (p,)."""
-    count = np.clip(np.ceil(lengths(segments) / _GHOST_STEP), 1, _MOST_PIECES).astype(int)
+def divided(segments: Float, count: Int) -> tuple[Float, Int]:
+    """Segments (n, 4) in numbers (n,) of equal pieces (p, 4), and the segment of each (p,)."""
     owner = np.repeat(np.arange(len(count)), count)
     number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
     start, end = np.hsplit(segments[owner], 2)
@@ -374,10 +373,6 @@ class DrawnEstimate:
             timeline.run.trajectory.times - timeline.start, estimate.poses - [*timeline.origin, 0.0]
         )
         return cls(keys, estimate.known_scans, estimate.ellipses, kept_ellipses(estimate))
-
-    def trail(self, time: float, fade: float) -> Lines:
-        """The estimated trail up to a time from the start of the run on, paler with age [s]."""
-        return trail_lines(self.keys, time, fade, look.ESTIMATE_COLOUR)
 
     def rings(self, time: float) -> Lines:
         """The ellipses that stay by a time, faded, and the one that is known now."""

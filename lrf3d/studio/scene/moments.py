@@ -32,6 +32,7 @@ from lrf3d.studio.scene.marks import (
 from lrf3d.studio.scene.pins import Pins
 from lrf3d.studio.scene.shapes import (
     ON_TOP,
+    UNCUT,
     Inset,
     Lens,
     Lines,
@@ -171,7 +172,7 @@ class Scene:
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if (layer in layers or layer in MARKS) and mark is not None
         )
-        seen = Seen(
+        return Seen(
             lens,
             (
                 ("robot", self.robot._replace(pose=stands)),
@@ -181,8 +182,8 @@ class Scene:
             self.exposure.clock(moment.now, self.timeline.playback),
             tints=self._snapshot(moment).tints if "map" in layers else None,
             dusk=view.dusk,
+            cut=self._cut(view),
         )
-        return seen._replace(cut=self._cut(view)) if self._is_cut(view) else seen
 
     def _lean(self, number: int) -> Float:
         """The rotation (3, 3) of a robot that leans at a scan, relative to a level one."""
@@ -193,9 +194,6 @@ class Scene:
         theta = self.run.trajectory.poses[number, 2]
         lean = Rotation.from_euler("ZYX", [theta, *self.run.attitudes[number]])
         return np.asarray((lean * Rotation.from_euler("Z", -theta)).as_matrix())
-
-    def _is_cut(self, view: Look) -> bool:
-        return view.cuts and self.structures.indoor
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
         wide, tall = size
@@ -300,7 +298,8 @@ class Scene:
         for number, (keys, colour) in enumerate(self._robots):
             found.append(("trail", f"trail {number}", trail_lines(keys, now, fade, colour)))
         if self._estimate is not None:
-            found.append(("estimate", "estimate", self._estimate.trail(now, fade)))
+            trail = trail_lines(self._estimate.keys, now, fade, look.ESTIMATE_COLOUR)
+            found.append(("estimate", "estimate", trail))
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
         return tuple(found)
 
@@ -333,7 +332,8 @@ class Scene:
 
     def _cut(self, view: Look) -> float:
         """The height above which nothing is drawn [m]."""
-        return look.SECTION + view.above if self._is_cut(view) else np.inf
+        is_cut = view.cuts and self.structures.indoor
+        return look.SECTION + view.above if is_cut else UNCUT
 
     def _drawn_beams(self, number: int, robot: Float) -> tuple[Lines, Points, Soft]:
         """Beams, hits and lamps of all lasers at a scan, with the robot at a pose (3,)."""

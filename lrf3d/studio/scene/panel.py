@@ -4,11 +4,10 @@ A run and a moment of it enter, lines of text leave.
 """
 
 from collections.abc import Sequence
-from functools import partial
+from functools import lru_cache
 
 import numpy as np
 
-from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import lengths
 from lrf3d.scoring.map_score import found_words, judged_part, score_run
@@ -17,9 +16,9 @@ from lrf3d.studio.scene import look
 from lrf3d.studio.scene.bodies import robot_names, robots_of
 from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.clouds import HEIGHT_COLOURS
-from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, Drift
+from lrf3d.studio.scene.drift import GAP_COLOUR, GHOST_COLOUR, drift_of
 from lrf3d.studio.scene.found import distances, false_after, false_words, found_after, lost_walls
-from lrf3d.studio.scene.glass import TURNED_COLOUR
+from lrf3d.studio.scene.glass import BACK_COLOUR
 from lrf3d.studio.scene.marks import TRUTH, estimate_words
 from lrf3d.studio.scene.shapes import NAMED, PINNED, Label
 from lrf3d.studio.scene.shots import FIRST_SHOT, PROOF, SHOTS
@@ -43,12 +42,6 @@ PALE = (184, 196, 216)
 
 # All shots of the film's own cameras.
 _SHOTS = (FIRST_SHOT, PROOF, "rise", "whole", *SHOTS)
-
-# The card of the run that was asked for last.
-_CARDS = Latest()
-
-# The drift of the run that was asked for last.
-_DRIFTS = Latest()
 
 
 def _caption(run: Run, moment: Moment, shot: str, playback: float) -> str:
@@ -90,7 +83,7 @@ def panel(
     Robots have names where each has a map, the run's own first.
     """
     if has_card(run, moment, view):
-        card: Label = _CARDS.of(run, partial(_card, run, playback))
+        card = _card(run, playback)
         drifted = [(words, whole(tint)) for words, tint in _drifted(run, moment, playback)]
         lines = [*zip(card.text, card.colours, strict=True), *drifted]
         return _label(lines)
@@ -133,11 +126,12 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
     ]
 
 
+@lru_cache(1)
 def _card(run: Run, playback: float) -> Label:
     """What was found in the end: of the visible walls, if the truth is known."""
+    rest = "what it never saw stays dark"
     if not run.maps:
         found = f"{_mapped(run, -1)}, {counted(len(run), 'scan')}"
-        rest = "what it never saw stays dark"
     elif not (run.knows_truth and len(run.world.segments)):
         driven = lengths(np.hstack([run.trajectory.poses[:-1, :2], run.trajectory.poses[1:, :2]]))
         found = f"{distances(run)} became {counted(len(run.map), 'segment')}"
@@ -146,7 +140,6 @@ def _card(run: Run, playback: float) -> Label:
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         found += false_words(false_after(run, len(run) - 1))
-        rest = "what it never saw stays dark"
     _, lost, _ = lost_walls(run)
     missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
@@ -158,7 +151,7 @@ def _card(run: Run, playback: float) -> Label:
 
 def _drifted(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
     """The names of the path by odometry alone, and of how far it is off at a moment."""
-    drift = _DRIFTS.of(run, partial(Drift.of, run, np.zeros(2)))
+    drift = drift_of(run)
     gap = drift.words(moment, playback) if drift else ""
     return [("━ odometry alone", GHOST_COLOUR), (f"━ {gap}", GAP_COLOUR)] if gap else []
 
@@ -187,7 +180,7 @@ def _beams(run: Run, moment: Moment, playback: float, shot: str) -> list[tuple[s
     beams = beams_told(run, moment, playback, shot)
     found = [(f"━ {each.words}", each.colour) for each in beams]
     if subject_of(run, playback).aim_at(moment.time) is not None:
-        found.append(("━ a beam that the mirror turns", TURNED_COLOUR))
+        found.append(("━ a beam that the mirror turns", BACK_COLOUR))
         found.append(("━ where the laser thinks it goes", look.FALSE_COLOUR))
     return found
 

@@ -78,16 +78,13 @@ _TOO_MUCH = 0.05
 # Penalty for a shot in which the robot is hidden all the time.
 _HIDDEN = 12.0
 
-# How steeply the camera of the proof looks down [rad].
-_PROVES = np.radians([40.0, 52.0, 64.0, 76.0])
-
-# From where it looks down on a loop [rad].
-_SQUARE = np.radians([-90.0, 0.0])
-_ABOVE = np.radians([84.0])
-
-# From where it looks along what is seen from its side [rad].
-_ASIDE = np.radians([-45.0, -135.0])
-_PROVES_ASIDE = np.radians([22.0, 28.0, 34.0])
+# From which sides [rad] the camera of the proof may look, how steeply down [rad], and which share
+# of the sway it has, by how the subject is seen.
+_PROOFS = {
+    "round": (np.radians(np.arange(0.0, 360.0, 30.0)), np.radians([40.0, 52.0, 64.0, 76.0]), 0.4),
+    "above": (np.radians([-90.0, 0.0]), np.radians([84.0]), 0.0),
+    "aside": (np.radians([-45.0, -135.0]), np.radians([22.0, 28.0, 34.0]), 0.4),
+}
 
 # What that camera shows around the robot at the least [m].
 _ROOM = 1.5
@@ -235,9 +232,7 @@ class Story:
         proven = ["rise"] * (subject.since is not None) * (not rushes)
         if shot.name in ("proof", *proven):
             head = subject.proof if time < subject.until else subject.after
-            # More robots may be there than have maps.
-            usual = robot_names(self._timeline.run.obstacles)
-            names = [*self.names, *usual[len(self.names) :]]
+            names = robot_names(self._timeline.run.obstacles, self.names)
             return (head.format(*names), *told)
         return ("", *told)
 
@@ -264,12 +259,11 @@ class Story:
             whole = fitted(self._ghost, times, whole.turns, *how)
         if shot.name == "whole":
             return _Take(whole)
+        share = _eased(np.linspace(0.0, 1.0, count))
         if shot.name == "end":
-            share = _eased(np.linspace(0.0, 1.0, count))
             return _Take(self._between(whole, self._closing(known), share))
         if shot.name == "rise":
             before = self._track(number - 1, aspect)
-            share = _eased(np.linspace(0.0, 1.0, count))
             held = self._held(before.track, number - 1, times)
             # Walls that were not cut before sink.
             return _Take(self._between(held, whole, share), above=before.above)
@@ -277,7 +271,7 @@ class Story:
         places = interpolated(times, whose.times, whose.places)
         sway = np.linspace(-_SWAY, _SWAY, count)
         if shot.name == "proof":
-            return self._proof(times, places, 0.4 * sway, aspect)
+            return self._proof(times, places, sway, aspect)
         middle = np.interp(0.5 * (times[0] + times[-1]), whose.times, whose.headings)
         path = SmoothPath(times, places, middle + sway)
         return self._best(shot.name, path, np.linspace(times[0], times[-1], _JUDGED), aspect)
@@ -350,12 +344,9 @@ class Story:
         shown = np.concatenate([around, self._subject.places - self._timeline.origin])
         corners = np.concatenate([np.insert(shown, 2, high, axis=1) for high in (0.0, SECTION)])
         tracks = list[CameraPath]()
-        sides, steeps = 2.0 * np.pi * np.arange(_SIDES) / _SIDES, _PROVES
-        if self._subject.since is not None:
-            sides, steeps, sway = _SQUARE, _ABOVE, 0.0 * sway
-        if self._subject.along is not None:
-            sides, steeps = self._subject.along + _ASIDE, _PROVES_ASIDE
-        for turn, steep in product(sides, steeps):
+        sides, steeps, swayed = _PROOFS[self._subject.seen]
+        sway = swayed * sway
+        for turn, steep in product(self._subject.along + sides, steeps):
             there = fitted(corners, times[:1], np.array([turn]), steep, _FIELD, aspect)
             track = there.at(times)
             tracks.append(track._replace(turns=track.turns + sway))

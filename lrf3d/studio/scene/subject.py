@@ -3,30 +3,28 @@
 A run enters; what is said and what is to be in the picture leave.
 """
 
-from functools import partial
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
-from lrf3d.base.latest import Latest
 from lrf3d.base.text import counted
 from lrf3d.geometry.lines import LEFT, Float, Int
 from lrf3d.mapping.line_map import GLASS, MIRROR
-from lrf3d.studio.scene.drift import Drift
+from lrf3d.studio.scene.drift import drift_of
 from lrf3d.studio.scene.found import distances, false_walls
 from lrf3d.studio.scene.glass import (
     EARLY,
-    GlassCounts,
     TellingBeams,
     beams_through,
     counts_at_glass,
     met_reflectors,
     panes_of,
     telling_beams,
-    walls_of,
 )
 from lrf3d.studio.scene.shown import Shown
+from lrf3d.studio.scene.stage.structures import turning_walls, walls_of
 from lrf3d.studio.scene.timeline import FIRST, Moment, metres
 
 # Time for which the title stands [s of the film].
@@ -73,8 +71,10 @@ class Subject(NamedTuple):
     found: str = ""
     # Whether the beams that tell it are drawn, and counted.
     told: bool = False
-    # The direction of what is seen from its side [rad], with the robot on its right.
-    along: float | None = None
+    # How it is seen: a key of the proofs of stories.
+    seen: str = "round"
+    # The direction from which sides are counted [rad]: that of a pane, with the robot on its right.
+    along: float = 0.0
     # From when on the map beside the picture magnifies it [s], and the width of what it shows [m].
     magnified: tuple[float, ...] = ()
     # What is said after the title.
@@ -98,22 +98,16 @@ def beams_told(run: Shown, moment: Moment, playback: float, shot: str) -> list[T
     """The beams of a moment that tell the subject; as the map is completed they would hide it."""
     subject = subject_of(run, playback)
     told = moment.scanning and shot not in _FROM_AFAR and subject.told
-    beams = telling_beams(run, moment.scan) if told else []
+    beams = [*telling_beams(run, moment.scan)] if told else []
     if moment.scanning and shot == "proof" and len(subject.dropped):
         beams.append(beams_through(run, moment.scan, subject.dropped))
     return beams
 
 
-# The subjects of the runs that were asked for last: up to eight may be side by side.
-_FOUND = Latest(8)
-
-
+# Up to eight runs may be side by side.
+@lru_cache(8)
 def subject_of(run: Shown, playback: float) -> Subject:
     """The first that a run has of a closed loop, a false room, other robots, glass, reflectors."""
-    return _FOUND.of((run, playback), partial(_subject, run, playback))
-
-
-def _subject(run: Shown, playback: float) -> Subject:
     # What the first scan shows is shown by the opening.
     since = float(run.trajectory.times.min()) + FIRST * playback
     found = _loop(run) or _false_room(run, since) or _robots(run, since)
@@ -126,7 +120,7 @@ def _subject(run: Shown, playback: float) -> Subject:
 
 def _loop(run: Shown) -> Subject | None:
     """The loop round which odometry alone is seen to drift."""
-    drift = Drift.of(run, np.zeros(2))
+    drift = drift_of(run)
     if drift is None or drift.loop is None:
         return None
     first, last = drift.loop
@@ -139,6 +133,7 @@ def _loop(run: Shown) -> Subject | None:
         places=np.array([path.min(axis=0) - _PAST_LOOP, path.max(axis=0) + _PAST_LOOP]),
         proof="Red: where odometry alone puts it",
         since=begins,
+        seen="above",
         until=closes,
         after=f"Back after {metres(length)}: red shows the drift",
         found=f"{metres(drift.off(run.trajectory.times[-1]))} of drift removed",
@@ -149,8 +144,7 @@ def _loop(run: Shown) -> Subject | None:
 
 def _false_room(run: Shown, since: float) -> Subject | None:
     """The last map that holds half of what a mirror has added to it since a time [s]."""
-    materials = filter(None, run.world.materials)
-    if not any(one.mirrors and not one.passes for one in materials):
+    if not turning_walls(run.world).any():
         return None
     scans, false, held = _false_walls(run, since)
     if not len(held):
@@ -247,18 +241,24 @@ def _glass(run: Shown) -> Subject | None:
     before = (robot - start) @ across * across
     along = float(np.arctan2(*(before @ LEFT)[::-1]))
     at_first = shapely.points(run.trajectory.poses[0, :2]), panes_of(run.world)
+    panes = _middles_of(run, GLASS)
+    known = (
+        f"{counted(len(panes), 'pane')} found, tinted" if len(panes) else "none is known as glass"
+    )
+    share = 100.0 * counts.through / (counts.through + counts.back)
     return Subject(
         "Glass lets most of a laser's beams through",
         float(run.trajectory.times[counts.scan]),
         np.array([robot - 2.0 * before]),
         "Blue goes through the pane, white comes back",
-        found=_glass_words(run, counts),
+        found=f"{known}  ·  {share:.0f} % of the beams at glass went through",
         told=True,
+        seen="aside",
         along=along,
         then="Of slanted beams, few come back",
         staging="pane",
         faces=shapely.get_coordinates(shapely.shortest_line(*at_first))[1],
-        pinned=_middles_of(run, GLASS),
+        pinned=panes,
     )
 
 
@@ -271,17 +271,10 @@ def _middles_of(run: Shown, kind: str) -> Float:
     return np.asarray(chosen.reshape(-1, 2, 2).mean(axis=1))
 
 
-def _glass_words(run: Shown, counts: GlassCounts) -> str:
-    """What the glass of a run's world did to its beams and its map."""
-    panes = len(_middles_of(run, GLASS))
-    known = f"{counted(panes, 'pane')} found, tinted" if panes else "none is known as glass"
-    share = 100.0 * counts.through / (counts.through + counts.back)
-    return f"{known}  ·  {share:.0f} % of the beams at glass went through"
-
-
 def _reflectors(run: Shown, since: float) -> Subject | None:
     """The scan that sees the most reflectors after a time [s], much brighter than all else."""
-    if not any(one.retro > 1.0 for one in filter(None, run.world.materials)):
+    bright = np.flatnonzero(walls_of(run.world, lambda material: material.retro > 1.0))
+    if not len(bright):
         return None
     times = run.trajectory.times
     late = np.flatnonzero((times > since) & (times < EARLY * times.max())).tolist()
@@ -297,7 +290,6 @@ def _reflectors(run: Shown, since: float) -> Subject | None:
     light = scan.intensities[scan.hits]
     brighter = np.median(light[seen[most]]) / np.median(np.delete(light, seen[most]))
     words = f"Reflectors: {brighter:.0f} × as bright as walls"
-    bright = walls_of(run.world, lambda material: material.retro > 1.0)
     met = np.unique(np.concatenate([run.scans_at(number)[0].walls for number in range(len(times))]))
     known = bright[np.isin(bright, met)]
     return Subject(
@@ -318,13 +310,17 @@ def _false_wall(run: Shown, since: float) -> Subject | None:
     later = np.zeros((0, 2))
     gone = list[Float]()
     for places in reversed(false):
-        gone.insert(0, places[~shapely.dwithin(shapely.points(places), _points(later), _TAKEN)])
+        gone.insert(
+            0, places[~shapely.dwithin(shapely.points(places), shapely.multipoints(later), _TAKEN)]
+        )
         later = np.concatenate([later, places])
     dropping = [number for number, places in enumerate(gone[:-1]) if len(places)]
     if not dropping:
         return None
     places = run.trajectory.poses[scans[1:], :2]
-    away = [shapely.distance(_points(gone[k]), shapely.points(places[k])) for k in dropping]
+    away = [
+        shapely.distance(shapely.multipoints(gone[k]), shapely.points(places[k])) for k in dropping
+    ]
     best = dropping[int(np.argmin(away))]
     known = float(run.trajectory.times[scans[best + 1]])
     return Subject(
@@ -339,8 +335,3 @@ def _false_wall(run: Shown, since: float) -> Subject | None:
         pinned=np.array([gone[k].mean(axis=0) for k in dropping]),
         dropped=gone[best],
     )
-
-
-def _points(places: Float) -> shapely.Geometry:
-    """Places (n, 2) as one geometry."""
-    return shapely.multipoints(places)

@@ -1,14 +1,13 @@
 """Timeline: where the robot stands and which scan is seen at each time of a film."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import shapely
 
-from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import Bool, Float, wrap_angle
 from lrf3d.planning.planner import planned_way
 from lrf3d.robot import Trajectory
@@ -18,9 +17,6 @@ from lrf3d.studio.scene.stage.structures import Sight
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-
-# The drive between the stops of the run that was asked for last.
-_DRIVES = Latest()
 
 # Time for which a film shows the first scan [s of the film].
 FIRST = 3.4
@@ -107,7 +103,7 @@ class Timeline:
         if self.dwells:
             # The last stop is shown as long as the others.
             self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
-            self.drive = _DRIVES.of(run, partial(_drive_between_stops, run))
+            self.drive = _drive_between_stops(run)
 
     def frame_times(self, fps: float, margin: float = 0.0) -> Float:
         """Times (frames,) of the run [s] that a film shows, first to last, at least one.
@@ -139,6 +135,7 @@ class Timeline:
         return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning, float(now))
 
 
+@lru_cache(1)
 def _drive_between_stops(run: Shown) -> Trajectory:
     """A drive through the poses of a run, from each to the next as a unicycle drives."""
     stops = run.trajectory

@@ -5,13 +5,13 @@ floors, darker next to walls. Painting takes a second, so the stage that was ask
 it can be pickled, to be handed to other processes.
 """
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from PIL import Image, ImageDraw, ImageFilter
 
-from lrf3d.base.latest import Latest
 from lrf3d.geometry.lines import LEFT, Float, Int, Single, directions, lengths
 from lrf3d.simulation.run import Run
 from lrf3d.studio.scene.look import SUN, WALL_LIGHT, WHITE
@@ -94,13 +94,10 @@ class Stage(NamedTuple):
     mirrors: Float
 
 
-# The stage that was asked for last.
-_STAGES = Latest()
-
-
+@lru_cache(1)
 def stage_of(run: Shown) -> Stage:
     """Paint what can be seen of a run's world, or take what was painted for it before."""
-    return _STAGES.of(run, lambda: paint_stage(Structures.from_run(run), run))
+    return paint_stage(Structures.from_run(run), run)
 
 
 def paint_stage(structures: Structures, run: Shown | None = None) -> Stage:

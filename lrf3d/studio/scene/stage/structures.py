@@ -6,6 +6,7 @@ farthest distance that is drawn are cut off. The origin of the frame lies among 
 graphics compute in float32, which far from the origin does not resolve centimetres.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -20,6 +21,7 @@ from lrf3d.studio.scene.look import ROOMS, SECTION, TOWN, Setting, object_colour
 from lrf3d.studio.scene.shapes import Lines, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.world import World
+from lrf3d.world.materials import Material
 
 # Places at which a robot of 1 m radius is to be seen (5, 2) [m].
 AROUND = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
@@ -181,7 +183,6 @@ class Structures:
             segments, world.heights, closed, path
         )
         colours = object_colours(world, indoor=indoor)
-        clear = [bool(one and one.passes) for one in world.materials]
         found = np.flatnonzero(~shapely.is_missing(areas))
         tops = np.zeros(world.object_count)
         np.maximum.at(tops, world.objects, world.heights)
@@ -191,7 +192,7 @@ class Structures:
             heights=world.heights,
             colours=colours[world.objects].reshape(-1, 3),
             closed=closed,
-            glass=np.array(clear or [False])[world.objects if clear else 0 * world.objects],
+            glass=walls_of(world, lambda material: material.passes),
             mirrors=turning_walls(world),
             solids=areas[found],
             solid_objects=found,
@@ -253,8 +254,13 @@ class Structures:
 
 def turning_walls(world: World) -> Bool:
     """Which walls (n,) turn beams; glass turns little of the light, and lets the rest pass."""
-    turning = [bool(one and one.mirrors and not one.passes) for one in world.materials]
-    return np.array(turning or [False])[world.objects if turning else 0 * world.objects]
+    return walls_of(world, lambda material: material.mirrors and not material.passes)
+
+
+def walls_of(world: World, chosen: Callable[[Material], bool]) -> Bool:
+    """Which walls (n,) are of chosen materials."""
+    objects = [one is not None and chosen(one) for one in world.materials]
+    return np.isin(world.objects, np.flatnonzero(objects))
 
 
 def folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Float]:
