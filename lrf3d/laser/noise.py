@@ -29,6 +29,7 @@ from lrf3d.geometry.lines import (
     generator,
     least_of,
     number,
+    numbers,
     read_only,
     sealed,
 )
@@ -120,11 +121,12 @@ def with_ranges(scan: Scan, ranges: Float) -> Scan:
         >>> with_ranges(scan, scan.ranges + 0.25).ranges.tolist()
         [1.25, 2.25]
     """
-    if not isinstance(scan, LaserScan):
-        return replace(scan, ranges=ranges)
-    distances = read_only(ranges, "ranges")
+    taken = read_only if isinstance(scan, LaserScan) else numbers
+    distances = taken(ranges, "ranges")
     if distances.shape != scan.ranges.shape:
         raise InputError(f"ranges {distances.shape}: expected {scan.ranges.shape}, one a beam")
+    if not isinstance(scan, LaserScan):
+        return replace(scan, ranges=distances)
     made = scan.at_time(scan.time)
     made.__dict__["ranges"] = returned(distances, min(scan.range_max, LARGEST_COORDINATE))
     # They may be those of the other ranges.

@@ -266,14 +266,19 @@ def curve_points(controls: Float, tolerance: float) -> Float:
 def _on_paper(marks: list[Mark], dark: bool) -> list[Mark]:
     """The marks without the paper, if it is painted.
 
-    On dark paper, contrasts are reversed: light marks stand out, and thin lines have no faces.
+    On dark paper, contrasts are reversed: light marks stand out, and thin lines have no faces,
+    unless light rooms are left open in a dark mass of walls, where they are doorways.
     """
     if len(marks) > 1 and _is_paper(marks[0], marks[1:]):
         dark = marks[0].contrast > 0.5
         marks = marks[1:]
     if not dark:
         return marks
-    return [m._replace(contrast=1.0 - m.contrast, shape=m.middle or m.shape) for m in marks]
+    mass = any(not m.middle and m.contrast < PALEST and is_thick(m.shape) for m in marks)
+    return [
+        m._replace(contrast=1.0 - m.contrast, shape=m.shape if mass else m.middle or m.shape)
+        for m in marks
+    ]
 
 
 def _is_paper(first: Mark, others: list[Mark]) -> bool:

@@ -41,10 +41,6 @@ PARALLEL = 0.1
 # Share of the width of a doorway, to each side of its middle, that a drawn leaf would block.
 PASSAGE = 0.4
 
-# Distance [m] to which a doorway is cut through a wall that a user points at: walls of bricks have
-# up to 0.45 m, cupboards that lines enclose are deeper.
-DEEP = 0.45
-
 # Height [m] below which drawn walls are furniture: the route planner divides no rooms by them.
 LOW = 0.5 * DEFAULT_HEIGHT
 
@@ -343,7 +339,7 @@ class Doorway(Decision):
         along = directions(parts.segments[stands])[np.argmin(away)]
         across = np.array([-along[1], along[0]])
         half = 0.5 * self.width * along
-        deep = DEEP * across
+        deep = THICKEST_WALL * across
         box, middle = (
             shapely.Polygon([place + share * s * half + t * deep for s, t in _CORNERS])
             for share in (1.0, 2.0 * PASSAGE)
@@ -392,7 +388,7 @@ def _faces(off: Float) -> list[float]:
     faces: list[float] = []
     for each in sorted({round(float(each), 6) for each in off}, key=abs):
         wall = [*faces, each]
-        if max(wall) - min(wall) <= (THICKEST_WALL if len(faces) > 1 else DEEP):
+        if max(wall) - min(wall) <= THICKEST_WALL:
             faces = wall
     return faces
 

@@ -441,20 +441,21 @@ def _solids(marks: list[Mark], roles: list[str]) -> list[Piece]:
     open_ = doorways.buffer(1.5 * SLIVER, join_style="mitre")
     walls = [each for each in areas if each.role in ("wall", "window", "other")]
     furniture = [each for each in areas if each.role == "furniture"]
-    return _joined(walls, "wall", open_) + _joined(furniture, "furniture", open_)
+    stands = (mark.shape for mark, role in zip(marks, roles, strict=True) if role in STANDS)
+    walled = not all(map(is_thick, stands))
+    return _joined(walls, "wall", open_, walled) + _joined(furniture, "furniture", open_, True)
 
 
-def _joined(areas: list[Piece], name: str, open_: Any) -> list[Piece]:
+def _joined(areas: list[Piece], name: str, open_: Any, walled: bool) -> list[Piece]:
     """Areas joined where they touch, without the open doorways, each part with its role.
 
+    In a drawing without walls, areas of different colours are rooms with walls in between.
     The role is the given name if the layer of one of its areas gives a role, and else ``other``.
     """
     if not areas:
         return []
     shapes = np.array([each.shape for each in areas])
-    # Where thick areas of different colours touch, they are rooms with a wall in between.
-    thick = [each.mark.colour if is_thick(each.shape) else "" for each in areas]
-    colours = np.where(np.array(thick) == max(thick), "", thick)
+    colours = np.array(["" if walled else each.mark.colour for each in areas])
     whole = [shapely.union_all(shapes[colours == each]) for each in np.unique(colours)]
     parts = [each for each in shapely.get_parts(shapely.difference(whole, open_)) if is_area(each)]
     joined: list[list[Piece]] = [[] for _ in parts]

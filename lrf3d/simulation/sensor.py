@@ -224,7 +224,12 @@ def motion_along(path: Any, pose: Float, time: float, duration: float) -> Float:
 def poses_on(path: Any, pose: Float, times: Float) -> Float:
     """Poses (n, 3) on a path at times (n,) [s], with the robot at a pose (3,) at the first."""
     if not isinstance(path, Trajectory):
-        return as_poses(path.at(times))
+        found = as_poses(path.at(times))
+        if len(found) not in (1, len(times)):
+            raise InputError(
+                f"path: {len(found)} poses at {len(times)} times; expected one at each"
+            )
+        return found
     return poses_along(legs_of(path), times, np.array(as_pose(pose)))
 
 

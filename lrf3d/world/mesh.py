@@ -74,6 +74,9 @@ HEIGHTS = (0.3, 60.0)
 # Least step between coordinates in single precision that is doubted, as a share of the height.
 COARSE = 1e-3
 
+# Matches a file that is text, or PLY in double precision.
+EXACT = re.compile(rb"[^\0]*\Z|ply\s[^\0]*(double|float64) x")
+
 # A mesh is doubted to lie on its side that is higher [m] than two storeys, and than this multiple
 # of its width.
 HIGH = 2.0 * DEFAULT_HEIGHT
@@ -94,11 +97,10 @@ def _size_doubt(world: World, scale: float) -> str:
 
 def _rounding_doubt(path: Path, triangles: Float, scale: float) -> str:
     """A doubt about corners in single precision, which are coarse far from the origin."""
-    single = triangles.astype(np.float32)
-    step = float(np.spacing(np.abs(single).max()))
+    step = float(np.spacing(np.abs(triangles).max().astype(np.float32)))
     fine = step < COARSE * np.ptp(triangles[..., 2])
-    # Texts hold numbers of any precision.
-    if fine or path.suffix.lower() in (".obj", ".off") or (single != triangles).any():
+    # Texts hold numbers of any precision, and glTF places its parts.
+    if fine or path.suffix.lower() not in (".stl", ".ply") or EXACT.match(path.read_bytes()):
         return ""
     steps = f"corners in steps of {scale * step:.2g} m"
     return f"{steps}? move it to the origin before it is saved; "

@@ -1,5 +1,6 @@
 import math
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,6 +51,9 @@ def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_
     assert timed(PlanarCaster(CITY), TURNING, path)(path.poses[0], 0.0).time == 0.0
     with pytest.raises(InputError, match="longer than"):
         timed(PlanarCaster(CITY), LaserRangeFinder(scan_duration=0.2001), path)
+    more = SimpleNamespace(at=lambda times: np.zeros((len(times) + 2, 3)))
+    with pytest.raises(InputError, match="path: 47 poses at 45 times"):
+        timed(PlanarCaster(CITY), TURNING, more)((0, 0, 0), 0.0)
 
 
 @CASTERS

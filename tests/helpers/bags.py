@@ -43,8 +43,9 @@ def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0)):
     return made(STORE, SCAN, {"header": header(time, frame), **fan, **fields})
 
 
-def scans(*times):
-    return [("/scan", time, SCAN, scan(time)) for time in times]
+def scans(*times, topic="/scan", frame="laser", received=None):
+    arrived = times if received is None else received
+    return [(topic, at, SCAN, scan(t, frame)) for t, at in zip(times, arrived, strict=True)]
 
 
 def wheels(count):
@@ -76,5 +77,5 @@ def write(path, *messages, storage="MCAP", packed=None):
     return path
 
 
-def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1)):
-    return "/tf_static", 0.0, TRANSFORMS, transform(0.0, "base_link", "laser", place, turn)
+def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1), base="base_link", laser="laser"):
+    return "/tf_static", 0.0, TRANSFORMS, transform(0.0, base, laser, place, turn)

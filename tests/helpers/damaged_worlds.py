@@ -153,6 +153,15 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
         '{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [1, 2]]]}',
         "feature 0: Polygon",
     ),
+    "twice.geojson": (
+        _line([1, 2], [3, 4])[:-1] + ', "name": "a", "name": "b"}',
+        "'name' stands twice",
+    ),
+    "height.geojson": (
+        '{"type": "Feature", "properties": {"height": 3, "height": 30}, "geometry":'
+        f" {_line([1, 2], [3, 4])}}}",
+        "'height' stands twice",
+    ),
     "entity.osm": (_ENTITY.format("osm"), "entity"),
     "encoding.osm": ('<?xml version="1.0" encoding="shift_jis"?><osm/>', "encodings"),
     "root.osm": ("<gpx></gpx>", "<osm> was expected"),
@@ -177,6 +186,22 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "floor.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "nothing stands"),
     "solid.stl": ("solid a\nendsolid a\n", "damaged|no triangle"),
     "deep.gltf": ("[" * 100_000, "damaged"),
+    "bare.sdf": ("<sdf><world/></sdf>", "no shape stands"),
+    "root.sdf": ("<window/>", "expected <sdf>"),
+    "number.sdf": (SDF.replace("4 3 1", "1 x 1"), "expected 3 numbers"),
+    "nan.sdf": (SDF.replace("4 3 1", "4 2 nan"), "expected 3 numbers"),
+    "deep.sdf": ("<sdf><model>" * 40 + "</model></sdf>" * 40, "models within|root|no shape"),
+    "open.sdf": ("<sdf>", "no element|XML|unclosed"),
+    # First bytes decide what a file is.
+    "r2018.dxf": (b"AC1032\0\0", "DWG.*DXF"),
+    "a.dwg": (b"AC1032\0\0", "DWG.*DXF"),
+    "a.ifc": (b"ISO-10303-21;\nHEADER;", "IFC"),
+    "a.dae": (b'<?xml version="1.0"?>\n<COLLADA>', "COLLADA"),
+    "a.osm.pbf": (b"\0\0\0\r\n\tOSMHeader\x18", "PBF.*osmium"),
+    "b.dxf": (b'<?xml version="1.0"?>\n<svg/>', r"SVG drawing; name it b\.svg"),
+    "page.osm": (b"<!DOCTYPE html><html>", "web page"),
+    "a.pcd": (b"# .PCD v0.7", "point cloud"),
+    "missing.gltf": (b'{"buffers": [{"uri": "my%20room.bin"}]}', r"needs 'my room\.bin'"),
 }
 
 # A line of a map's description, and what the error says.

@@ -1,5 +1,9 @@
 """Stopping what reports its progress, as a user or a full disk might."""
 
+import pytest
+
+import lrf3d
+
 
 class Stop(Exception):
     """Raised to stop a run."""
@@ -13,3 +17,9 @@ def stopping(at):
             raise Stop
 
     return progress
+
+
+def record_up_to(at, simulation, path, **options):
+    """Record a run that is stopped after so many scans."""
+    with pytest.raises(Stop):
+        lrf3d.record(simulation, path, progress=stopping(at), **options)

@@ -22,6 +22,7 @@ from lrf3d.laser.scan import ScanBatch
 
 LRF = LaserRangeFinder(-1.0, 1.0, 101, range_min=0.5, range_max=20.0)
 WALL = PlanarCaster(World([[4.0, -50, 4.0, 50]])).cast(LRF, (0, 0, 0))
+BATCH = ScanBatch(np.zeros(2), np.ones((2, 2)), np.zeros((2, 2), np.int32), 0.0, 9.0)
 GAP_WORLD = World([[5.0, -50, 5.0, 0.0], [10.0, 0.0, 10.0, 50]])
 GAP = PlanarCaster(GAP_WORLD).cast(LRF, (0, 0, 0))
 EVERY = [
@@ -206,6 +207,7 @@ WRONG = {
     "threshold 'a'": lambda: MixedPixels(0.1, threshold="a"),
     "echo: there is no 'middle'": lambda: MixedPixels(0.1, echo="middle"),
     "ranges .2": lambda: with_ranges(WALL, [1.0, 2.0]),
+    "ranges .3": lambda: with_ranges(BATCH, [1.0, 2.0, 3.0]),
     "resolution -1": lambda: imperfect(0.1, resolution=-1),
     "share 2.0": lambda: imperfect(0.1, drop_outs=2.0),
     "chain of 3": lambda: Chain(3),

@@ -160,21 +160,6 @@ def test_rooms_that_are_drawn_as_areas_have_walls_around_them(written):
     )
 
 
-def test_a_hall_in_an_unknown_unit_gets_the_scales_that_make_it_a_building(tmp_path):
-    ring = np.array([(0, 0), (52, 0), (52, 30), (0, 30), (0, 0)]) * 1e3
-    dxf(tmp_path, lambda space: space.add_lwpolyline(ring), 0)
-    assert "--scale 0.001 if it is in millimetres (52 m by 30 m)" in str(
-        read_plan(tmp_path / "a.dxf").doubts[-1]
-    )
-
-
-def test_a_long_building_is_not_taken_for_a_house(tmp_path):
-    walls = row_of_rooms(15, open_=14)
-    dxf(tmp_path, lambda space: [space.add_line(each[:2], each[2:]) for each in walls], 4)
-    doubt = str(read_plan(tmp_path / "a.dxf").doubts[-1])
-    assert "?; --scale 1000 if it is in metres (60 m by 4 m); " in doubt
-
-
 def test_furniture_does_not_make_a_sheet_larger_than_a_house(written):
     rooms = row_of_rooms(5, open_=4)
     shelves = [[4 * n + 1, 1, 4 * n + 1.5, 1 + 0.1 * m] for n in range(5) for m in range(30)]
@@ -218,6 +203,20 @@ def row_of_rooms(count, open_):
     sides = [[4 * n, y, 4 * n + 4, y] for n in range(count) for y in (0, 4)]
     inner = [[4 * n, 0, 4 * n, 3.0 if 0 < n <= open_ else 4] for n in range(count + 1)]
     return np.array(sides + inner, float)
+
+
+@pytest.mark.parametrize(
+    ("walls", "unit", "advice"),
+    [
+        (1e3 * np.array([[0, 0, 52, 0], [52, 0, 52, 30], [52, 30, 0, 30], [0, 30, 0, 0]]), 0,
+         "--scale 0.001 if it is in millimetres (52 m by 30 m)"),
+        (row_of_rooms(15, open_=14), 4, "?; --scale 1000 if it is in metres (60 m by 4 m); "),
+    ],
+    ids=["a hall in an unknown unit", "a long building"],
+)  # fmt: skip
+def test_a_drawing_gets_the_scales_that_make_it_a_building(walls, unit, advice, tmp_path):
+    dxf(tmp_path, lambda space: [space.add_line(each[:2], each[2:]) for each in walls], unit)
+    assert advice in str(read_plan(tmp_path / "a.dxf").doubts[-1])
 
 
 @pytest.mark.parametrize("code", [0, 6])

@@ -100,10 +100,11 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
          '<rect x="5" width="5" height="5" fill="white"/>',
          (0, 1), (5, 1)),
         # Other programs write colours for light and dark pages, by variables, and of three shares.
-        ('<path d="M0 1h9" stroke="var(--page)" stroke-width=".1"/><g style="--paper: var(--own);'
-         ' --own: color(display-p3 1 1 1)"><rect x="3" width="3" height="5" fill="var(--paper)"/>'
-         '</g><rect x="6" width="4" height="5" fill="#000" style="fill: light-dark(rgb(255, 255,'
-         ' 255), var(--dark, #121212))"/>', (0, 1), (3, 1)),
+        ('<path d="M0 1h9" stroke="var(--page)" stroke-width=".1"/><g style="--paper: var(--Own);'
+         ' --Own: color(display-p3 1 100% 1)"><rect x="3" width="3" height="5" fill="var(--paper)"'
+         '/></g><rect x="6" width="4" height="5" fill="#000" style="fill: light-dark(rgb(255, 255,'
+         ' 255), var(--dark, #121212))"/><path d="M0 2h9" stroke="var(--grid, none)"/>',
+         (0, 1), (3, 1)),
         ('<clipPath id="c"><rect width="3" height="9"/></clipPath>'
          '<g clip-path="url(#c)"><path d="M1 1h8" stroke="#000" stroke-width=".1"/></g>',
          (1, 1), (3, 1)),
@@ -128,6 +129,24 @@ def test_an_svg_drawing_is_read_as_browsers_draw_it(body, low, high, tmp_path):
     world = svg(tmp_path, body, 'width="10m" height="10m" viewBox="0 0 10 10"')
     drawn = np.array([[low[0], 10 - high[1]], [high[0], 10 - low[1]]])
     assert world.bounds == pytest.approx(drawn, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("body", "length"),
+    [
+        # A white line through a dark mass is a doorway between white rooms.
+        ('<rect width="10" height="8" fill="#000"/><g fill="#fff"><rect x=".2" y=".2" width="4.7"'
+         ' height="7"/><rect x="5" y=".2" width="4.7" height="7"/></g><path d="M4.95 3v1"'
+         ' stroke="#fff" stroke-width=".1"/>', 46.8 - 2 + 0.2),
+        # Zones of several colours in one room have no wall in between.
+        ('<rect x="1" y="1" width="4" height="6" fill="#d33"/><rect x="5" y="1" width="4" height='
+         '"6" fill="#33d"/><path d="M1 1h8v6h-8z" fill="none" stroke="#000" stroke-width=".02"/>',
+         28),
+    ],
+)  # fmt: skip
+def test_dark_areas_of_an_svg_drawing_are_open_where_it_draws_no_wall(body, length, tmp_path):
+    world = svg(tmp_path, body, 'width="10m" height="8m" viewBox="0 0 10 8"')
+    assert lengths(world.segments).sum() == pytest.approx(length, abs=0.05)
 
 
 def test_a_sheet_without_a_height_keeps_its_proportions(tmp_path):

@@ -13,7 +13,7 @@ from lrf3d import InputError, load_log
 from lrf3d.apps.cli.inputs import read_log
 from lrf3d.apps.cli.parser import parse
 from lrf3d.laser.unrolling import unrolled
-from lrf3d.messages.clouds import CLOUD, POINT_FIELDS
+from lrf3d.messages.clouds import CLOUD, POINT_FIELDS, quaternion
 from lrf3d.messages.ros import TRANSFORMS, made
 from lrf3d.recordings.formats.bags.clouds import cloud_points
 from lrf3d.recordings.formats.bags.files import BagTopic
@@ -103,19 +103,20 @@ def test_a_band_of_heights_is_in_the_frame_of_the_robot_if_its_mount_is_known(kn
     assert above in log.notes[0]
 
 
-def test_a_tilted_or_hanging_lidar_is_made_level(tmp_path):
-    mounts = {"tilt": (0.3, 0.0, 0.8, 0.4, 0.35, 0.0), "hang": (0.3, 0.0, 0.8, 0.4, 0.0, np.pi)}
-    for name, mount in mounts.items():
-        lidar = lrf3d.Lidar(np.radians(np.linspace(-25, 25, 26)), columns=360, mount=mount)
-        scan = cast((0.3, 0.0, 0.4), lidar)
-        w, x, y, z = quaternion(*mount[3:])
-        message = cloud(scan, 0.0, "f4 f4 f4")
-        log = load_log(bag(tmp_path / name, message, mount=mount[:3], turn=(x, y, z, w)),
-                       height=(0.7, 0.9))  # fmt: skip
-        points = log.scans[0].points()
-        near = np.stack([points[:, 0] + 4, points[:, 0] - 5, points[:, 1] + 3, points[:, 1] - 4])
-        assert len(points) > 100
-        assert np.abs(near).min(axis=0).max() < 1e-4
+@pytest.mark.parametrize(
+    "mount",
+    [(0.3, 0.0, 0.8, 0.4, 0.35, 0.0), (0.3, 0.0, 0.8, 0.4, 0.0, np.pi)],
+    ids=["tilted", "hanging"],
+)
+def test_a_tilted_or_hanging_lidar_is_made_level(mount, tmp_path):
+    lidar = lrf3d.Lidar(np.radians(np.linspace(-25, 25, 26)), columns=360, mount=mount)
+    message = cloud(cast((0.3, 0.0, 0.4), lidar), 0.0, "f4 f4 f4")
+    turn = [quaternion(*mount[3:])[axis] for axis in "xyzw"]
+    log = load_log(bag(tmp_path / "b", message, mount=mount[:3], turn=turn), height=(0.7, 0.9))
+    points = log.scans[0].points()
+    near = np.stack([points[:, 0] + 4, points[:, 0] - 5, points[:, 1] + 3, points[:, 1] - 4])
+    assert len(points) > 100
+    assert np.abs(near).min(axis=0).max() < 1e-4
 
 
 @pytest.mark.parametrize("name", ["line", "intensity"])
@@ -132,13 +133,6 @@ def test_without_rings_far_walls_are_seen_and_no_floor(name, tmp_path):
     assert "points within 0.2 m of the lidar's height, or up to 1.2° above it" in log.notes[0]
     assert "720 beams" in log.notes[0]
     assert 25 - 1e-5 < log.scans[0].ranges.min() and log.scans[0].ranges.max() < 36
-
-
-def quaternion(*turns):
-    from lrf3d.messages.clouds import quaternion
-
-    found = quaternion(*turns)
-    return [found[name] for name in "wxyz"]
 
 
 # Names of times, with their types, the number of their unit in a second, and their beginning [s].
@@ -201,10 +195,13 @@ def test_an_unusable_cloud_is_refused_in_one_line(text, tmp_path):
 def test_the_points_of_a_planar_laser_may_be_in_the_frame_of_the_robot(tmp_path):
     level = cast((0, 0, 0), lrf3d.Lidar([0.0], columns=180, mount=(0, 0, 0.8)))
     sent = cloud(level, 0.0, "f4 f4 f4", ring="")
-    raised = np.array(sent["data"]).view(np.float32)
-    raised[2::3] += 0.8
+    sent["data"].view(np.float32)[2::3] += 0.8
     log = load_log(bag(tmp_path / "bag", sent, mount=(0, 0, 0)))
     assert len(log.scans[0].points()) == 180
+    assert "points within 0.2 m of their height, 0.8 m (or" in log.notes[0]
+    # A lidar elsewhere that first meets something flat above it keeps its own height.
+    log = load_log(bag(tmp_path / "b", sent, cloud(cast((0, 0, 0)), 1.0, "f4 f4 f4", ring="")))
+    assert [int(np.isfinite(scan.ranges).sum()) for scan in log.scans] == [0, 180]
 
 
 def test_clouds_in_a_fixed_frame_and_without_times_are_named(tmp_path):

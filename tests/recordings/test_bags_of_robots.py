@@ -31,25 +31,15 @@ def driven(topic, child, y, times=range(3), received=None):
         yield topic, arrived, ODOMETRY, odometry(float(t), (t, y, 0.0), child)
 
 
-def mount(base, laser, place=(0.2, 0, 0), turn=(0, 0, 0, 1)):
-    return "/tf_static", 0.0, TRANSFORMS, transform(0.0, base, laser, place, turn)
-
-
-def seen(topic, frame, *times, received=None):
-    for k, t in enumerate(times):
-        arrived = t if received is None else received[k]
-        yield topic, arrived, SCAN, scan(float(t), frame)
-
-
 def test_of_two_robots_each_has_its_own_odometry(tmp_path):
     bag = write(
         tmp_path / "bag",
-        mount("a/base", "a/laser"),
-        mount("b/base", "b/laser", (0.5, 0, 0)),
+        mounted((0.2, 0, 0), base="a/base", laser="a/laser"),
+        mounted((0.5, 0, 0), base="b/base", laser="b/laser"),
         *driven("/a/odom", "a/base", 0.0),
         *driven("/b/odom", "b/base", 7.0),
-        *seen("/a/scan", "a/laser", 0.5),
-        *seen("/b/scan", "b/laser", 0.5),
+        *scans(0.5, topic="/a/scan", frame="a/laser"),
+        *scans(0.5, topic="/b/scan", frame="b/laser"),
     )
     first, second = load_log(bag), load_log(bag, scan_topic="/b/scan")
     assert first.source == "/a/odom" and first.poses == pytest.approx(np.array([[0.7, 0, 0]]))
@@ -58,10 +48,10 @@ def test_of_two_robots_each_has_its_own_odometry(tmp_path):
     # Another robot's odometry is none.
     alone = write(
         tmp_path / "alone",
-        mount("a/base", "a/laser"),
-        mount("b/base", "b/laser"),
+        mounted((0.2, 0, 0), base="a/base", laser="a/laser"),
+        mounted((0.2, 0, 0), base="b/base", laser="b/laser"),
         *driven("/b/odom", "b/base", 7.0),
-        *seen("/a/scan", "a/laser", 0.5),
+        *scans(0.5, topic="/a/scan", frame="a/laser"),
     )
     assert not load_log(alone).placed
 
@@ -72,7 +62,7 @@ def test_robots_may_have_frames_of_the_same_names_in_their_namespaces(tmp_path):
             moved = transform(float(t), "odom", "base_link", (t, y, 0))
             yield f"/{name}/tf", t, TRANSFORMS, moved
         yield f"/{name}/tf_static", 0, TRANSFORMS, transform(0.0, "base_link", "laser")
-        yield from seen(f"/{name}/scan", "laser", 0.5)
+        yield from scans(0.5, topic=f"/{name}/scan")
 
     bag = write(tmp_path / "bag", *robot("a", 1.0), *robot("b", 2.0))
     for name, y in (("a", 1.0), ("b", 2.0)):
@@ -84,11 +74,11 @@ def test_robots_may_have_frames_of_the_same_names_in_their_namespaces(tmp_path):
 def test_each_scan_has_the_mount_of_its_own_frame(topics, tmp_path):
     bag = write(
         tmp_path / "bag",
-        mount("base_link", "front", (0.4, 0, 0)),
-        mount("base_link", "rear", (-0.4, 0, 0), HALF),
+        mounted((0.4, 0, 0), laser="front"),
+        mounted((-0.4, 0, 0), HALF, laser="rear"),
         *driven("/odom", "base_link", 0.0),
-        *seen(topics[0], "front", 0.5, 1.5),
-        *seen(topics[1], "rear", 1.0),
+        *scans(0.5, 1.5, topic=topics[0], frame="front"),
+        *scans(1.0, topic=topics[1], frame="rear"),
     )
     log = load_log(bag)
     assert log.poses == pytest.approx(np.array([[0.9, 0, 0], [0.6, 0, np.pi], [1.9, 0, 0]]))
@@ -99,7 +89,7 @@ def test_each_scan_has_the_mount_of_its_own_frame(topics, tmp_path):
     ] and log.is_odd.tolist() == [False, False, True]
     assert "lasers: 2 scans of" in log.notes[0]
     # Another topic of the same frame has the same scans, filtered.
-    again = write(tmp_path / "again", *wheels(3), *scans(0.5), *seen("/filtered", "laser", 0.5))
+    again = write(tmp_path / "again", *wheels(3), *scans(0.5), *scans(0.5, topic="/filtered"))
     assert len(load_log(again)) == 1 and "/filtered" in load_log(again).notes[0]
 
 
@@ -109,7 +99,7 @@ def test_stamps_that_go_back_split_the_recording(tmp_path):
     late = [5, 6, 7, 8, 5, 6]
     bag = write(
         tmp_path / "bag",
-        *seen("/scan", "laser", *times, received=received),
+        *scans(*times, received=received),
         *driven("/odom", "base_link", 0.0, late, [299.9, 300.9, 301.9, 302.95, 303.05, 304.05]),
     )
     log, second = load_log(bag), load_log(bag, part=2)
@@ -125,7 +115,7 @@ def test_stamps_that_go_back_split_the_recording(tmp_path):
 def test_by_other_clocks_the_times_of_receipt_count(clock, tmp_path):
     times = [0.5, 1.0, 1.25, 1.5, 1.75]
     stamps = [*map(clock, times)]
-    bag = write(tmp_path / "bag", *wheels(3), *seen("/scan", "laser", *stamps, received=times))
+    bag = write(tmp_path / "bag", *wheels(3), *scans(*stamps, received=times))
     log = load_log(bag)
     assert log.times == pytest.approx(times) and log.poses[:, 0] == pytest.approx(times)
     note, *_ = log.notes
@@ -181,7 +171,11 @@ def test_bags_of_ros_1_are_read(written, tmp_path):
     store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
     with Writer(tmp_path / "drive.bag") as bag:
         topics = {}
-        for topic, time, kind, message in [mount("/base_link", "/laser"), *wheels(3), *scans(0.5)]:
+        for topic, time, kind, message in [
+            mounted((0.2, 0, 0), base="/base_link", laser="/laser"),
+            *wheels(3),
+            *scans(0.5),
+        ]:
             if topic not in topics:
                 topics[topic] = bag.add_connection(topic, kind, typestore=store)
             data = STORE.cdr_to_ros1(STORE.serialize_cdr(message, kind), kind)
@@ -268,11 +262,11 @@ def test_odometry_that_comes_seldom_is_said_to_be_interpolated(tmp_path):
 def test_robots_that_publish_on_one_topic_have_tracks_of_their_own(tmp_path):
     bag = write(
         tmp_path / "bag",
-        mount("a/base", "a/laser"),
-        mount("b/base", "b/laser"),
+        mounted((0.2, 0, 0), base="a/base", laser="a/laser"),
+        mounted((0.2, 0, 0), base="b/base", laser="b/laser"),
         *driven("/odom", "a/base", 0.0),
         *driven("/odom", "b/base", 7.0, [0.1, 1.1, 2.1]),
-        *seen("/scan", "a/laser", 0.5),
+        *scans(0.5, frame="a/laser"),
     )
     assert load_log(bag).poses == pytest.approx(np.array([[0.7, 0, 0]]))
 
@@ -284,9 +278,9 @@ def test_poses_are_unknown_in_a_gap_of_a_moving_frame(tmp_path):
     ]
     bag = write(
         tmp_path / "bag",
-        mount("base_link", "laser"),
+        mounted((0.2, 0, 0)),
         *moves,
-        *seen("/scan", "laser", 0.6, 2.0, 4.0, 4.2),
+        *scans(0.6, 2.0, 4.0, 4.2),
     )
     log = load_log(bag)
     assert log.times.tolist() == [0.6, 4.0, 4.2] and "or in a gap" in str(log.bad_lines[0])

@@ -245,6 +245,12 @@ def test_scans_and_odometry_are_put_in_the_order_of_their_stamps(tmp_path):
     for lines in ([*odom, *raw], [*raw, *odom], sorted([*odom, *raw], key=str.split)[::-1]):
         log = load_log(write(tmp_path / "a.log", *lines))
         assert log.poses[:, 0].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5] and "order" in log.notes[0]
+        assert log.wheels.places.tolist() == [0, 1, 2, 3, 4]
+    # Poses of the truth are kept.
+    true = [f"TRUEPOS {k} 1 0 0 0 0 {k / 8} host 0" for k in range(5)]
+    rows = [line for pair in zip(true, raw, strict=True) for line in pair]
+    log = load_log(write(tmp_path / "a.log", *odom, *rows))
+    assert log.poses[:, :2].tolist() == [[k, 1.0] for k in range(5)] and not log.notes
 
 
 def test_lines_of_robots_of_carnegie_mellon_are_in_centimetres(tmp_path):

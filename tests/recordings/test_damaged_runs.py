@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 from numpy.lib import format as npy
-from stops import Stop, stopping
+from stops import record_up_to
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, World
@@ -79,18 +79,22 @@ def test_an_invalid_setting_of_the_film_is_named(run_file, key, value):
         lrf3d.load_run(run_file)
 
 
-def test_a_run_with_an_array_without_an_end_of_its_header_is_refused(run_file):
-    with zipfile.ZipFile(run_file, "a") as file:
-        file.writestr("more.npy", as_bytes(np.zeros(3), (1, 0)).replace(b"}", b"("))
-    with pytest.raises(InputError, match="damaged"):
-        lrf3d.load_run(run_file)
-
-
-def test_a_small_file_that_would_fill_the_memory_is_refused(run_file, monkeypatch):
+@pytest.mark.parametrize(
+    ("data", "packing", "words"),
+    [
+        # A header without its end, and a small file that would fill the memory.
+        (as_bytes(np.zeros(3), (1, 0)).replace(b"}", b"("), zipfile.ZIP_STORED, "damaged"),
+        (as_bytes(np.zeros(4_000_000), (1, 0)), zipfile.ZIP_DEFLATED, "it unpacks to 32,"),
+    ],
+    ids=["no end", "large"],
+)
+def test_a_run_with_a_further_array_that_is_damaged_or_huge_is_refused(
+    data, packing, words, run_file, monkeypatch
+):
     monkeypatch.setattr(npz, "MOST_PACKED", 1_000_000)
-    with zipfile.ZipFile(run_file, "a", zipfile.ZIP_DEFLATED) as file:
-        file.writestr("more.npy", as_bytes(np.zeros(4_000_000), (1, 0)))
-    with pytest.raises(InputError, match="it unpacks to 32,"):
+    with zipfile.ZipFile(run_file, "a", packing) as file:
+        file.writestr("more.npy", data)
+    with pytest.raises(InputError, match=words):
         lrf3d.load_run(run_file)
 
 
@@ -134,8 +138,7 @@ def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path):
         simulation.film = film
         return simulation
 
-    with pytest.raises(Stop):
-        lrf3d.record(made(), path, progress=stopping(2))
+    record_up_to(2, made(), path)
     run = lrf3d.record(made(), path, resume=True)
     assert run.film == film and len(run) == len(POSES)
     with pytest.raises(InputError, match="no poses from odom in it; a run has only true poses"):

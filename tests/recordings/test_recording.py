@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from stops import Stop, stopping
+from stops import record_up_to, stopping
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, LineMapper, OutputError, World
@@ -57,8 +57,7 @@ def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, path, t
     lrf3d.record(simulation(mode, scans=scans), tmp_path / "whole.npz")
     whole = (tmp_path / "whole.npz").read_bytes()
     for at in (1, 97, 98, scans // 3, scans // 2, scans - 1, scans):
-        with pytest.raises(Stop):
-            lrf3d.record(simulation(mode, scans=scans), path, resume=True, progress=stopping(at))
+        record_up_to(at, simulation(mode, scans=scans), path, resume=True)
         assert not path.exists() and path.with_suffix(".journal").exists()
     lrf3d.record(simulation(mode, scans=scans), path, resume=True)
     assert path.read_bytes() == whole
@@ -84,8 +83,7 @@ def test_a_controller_and_a_mapper_get_the_recorded_scans_again(path, tmp_path):
 
     lrf3d.record(made(), tmp_path / "whole.npz")
     for at in (150, 333):
-        with pytest.raises(Stop):
-            lrf3d.record(made(), path, resume=True, progress=stopping(at))
+        record_up_to(at, made(), path, resume=True)
     run = lrf3d.record(made(), path, resume=True)
     assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
     assert np.ptp(run.trajectory.poses[:, 2]) > 0.1
@@ -100,8 +98,7 @@ def test_a_drive_that_its_controller_ends_early_is_whole(tmp_path):
     assert len(run) == 44 and run.snapshot_scans[-2:] == (39, 43) and len(run.map)
     before = (tmp_path / "run.npz").read_bytes()
     (tmp_path / "run.npz").unlink()
-    with pytest.raises(Stop):
-        lrf3d.record(made(), tmp_path / "run.npz", progress=stopping(40))
+    record_up_to(40, made(), tmp_path / "run.npz")
     lrf3d.record(made(), tmp_path / "run.npz", resume=True)
     assert (tmp_path / "run.npz").read_bytes() == before
 
@@ -111,8 +108,7 @@ def stopped(tmp_path_factory):
     """A whole run of 60 scans, the journal of one that was stopped after 55, and its row's size."""
     folder = tmp_path_factory.mktemp("stopped")
     lrf3d.record(simulation(scans=60), folder / "whole.npz")
-    with pytest.raises(Stop):
-        lrf3d.record(simulation(scans=60), folder / "run.npz", progress=stopping(55))
+    record_up_to(55, simulation(scans=60), folder / "run.npz")
     data = (folder / "run.journal").read_bytes()
     return (folder / "whole.npz").read_bytes(), data, (len(data) - data.index(b"\n") - 1) // 55
 
@@ -154,8 +150,7 @@ def test_a_file_that_is_no_journal_is_begun_again(tmp_path):
 
 
 def test_another_run_is_not_resumed_and_its_difference_is_named(path):
-    with pytest.raises(Stop):
-        lrf3d.record(simulation(scans=200), path, progress=stopping(150))
+    record_up_to(150, simulation(scans=200), path)
     for other, name in (("paper", "mapper"), ("robust", "scans")):
         with pytest.raises(InputError, match=f"whose {name} differ"):
             lrf3d.record(simulation(other, scans=200 + (name == "scans")), path, resume=True)
@@ -279,8 +274,7 @@ def test_what_a_robot_believed_is_kept_and_resumed_to_the_last_bit(path, tmp_pat
     whole = lrf3d.record(made(), tmp_path / "whole.npz")
     assert len(whole.estimate) == len(whole.estimate.odometry) == 90
     assert whole.estimate.known_scans.tolist() == list(range(0, 90, COVARIANCE_INTERVAL))
-    with pytest.raises(Stop):
-        lrf3d.record(made(), path, progress=stopping(60))
+    record_up_to(60, made(), path)
     lrf3d.record(made(), path, resume=True)
     assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
     lrf3d.save_run(whole, path)

@@ -29,14 +29,12 @@ from lrf3d import InputError, load_log, map_log
 from lrf3d.recordings.formats.text.dialects import DIALECTS, dialect_of
 from lrf3d.recordings.formats.text.guesses import GUESSES
 
+# A drive of a robot with a SICK.
 BEAMS = SICK.beams
 ANGLES = SICK.angles
-
-
-@pytest.fixture(scope="module")
-def drive():
-    """Stamps (k,) [s], poses (k, 3) and ranges (k, n) [m] of a robot with a SICK."""
-    return SICK.times, SICK.poses, SICK.ranges
+TIMES = SICK.times
+POSES = SICK.poses
+RANGES = SICK.ranges
 
 
 def check(log, drive, *, apart):
@@ -130,12 +128,11 @@ MOTORS = "stamp:ms@2, left@3, right@7, tick=0.349mm, track=0.15m, offset=0.03m"
 
 
 @pytest.mark.slow
-def test_a_format_names_columns_units_bearings_and_wheels(drive, written):
-    _, poses, ranges = drive
-    clockwise = 100.0 * ranges[:, ::-1]
+def test_a_format_names_columns_units_bearings_and_wheels(written):
+    clockwise = 100.0 * RANGES[:, ::-1]
     path = written(
         "drive.dat.gz",
-        gzip.compress(text([clockwise, np.degrees(poses[:, 2]), poses[:, :2]]).encode()),
+        gzip.compress(text([clockwise, np.degrees(POSES[:, 2]), POSES[:, :2]]).encode()),
     )
     spec = f"ranges:cm*{BEAMS}, theta:deg, x, y, first=90deg, step=-1deg"
     for form in (
@@ -182,9 +179,8 @@ def test_what_cannot_be_read_gets_one_line(lines, form, reason, written):
         load_log(path, format=form)
 
 
-def test_bad_lines_are_counted_and_short_ones_are_filled(drive, written):
-    times, poses, ranges = drive
-    lines = text([times, poses, ranges]).splitlines()
+def test_bad_lines_are_counted_and_short_ones_are_filled(written):
+    lines = text([TIMES, POSES, RANGES]).splitlines()
     lines[3] = lines[3].replace(" ", " x", 1)
     lines[5] = lines[5].rpartition(" ")[0]
     path = written("drive.txt", "\n".join(lines))
@@ -193,14 +189,14 @@ def test_bad_lines_are_counted_and_short_ones_are_filled(drive, written):
     counts = [BEAMS, 170] * 20
     counted = [
         " ".join(["S", str(k), str(n), *map(str, row[:n])])
-        for k, (n, row) in enumerate(zip(counts, ranges.tolist(), strict=True))
+        for k, (n, row) in enumerate(zip(counts, RANGES.tolist(), strict=True))
     ]
     path.write_text("\n".join(counted))
     log = load_log(path)
     assert not log.placed and "20 scans with fewer than 181" in " ".join(log.notes)
     assert np.isneginf(log.scans[1].ranges[170:]).all()
     records = [
-        json.dumps({"ranges": row[:n]}) for n, row in zip(counts, ranges.tolist(), strict=True)
+        json.dumps({"ranges": row[:n]}) for n, row in zip(counts, RANGES.tolist(), strict=True)
     ]
     path.write_text("\n".join(records))
     assert "20 scans with fewer than 181" in " ".join(load_log(path).notes)
@@ -219,40 +215,38 @@ def test_the_motors_of_a_robot_are_in_a_file_beside_its_scans(tmp_path):
     assert log.placed and "a_motors.txt" in " ".join(log.notes)
 
 
-def test_a_reading_a_line_makes_scans(drive, written):
-    times, _, ranges = drive
+def test_a_reading_a_line_makes_scans(written):
     rng = np.random.default_rng(0)
     for stamped in (True, False):
         lines = ["t,angle_deg,dist_mm" if stamped else "angle_deg;dist_mm"]
-        for time, row in zip(times, ranges, strict=True):
+        for time, row in zip(TIMES, RANGES, strict=True):
             for bearing in np.flatnonzero(rng.random(360) < 0.9):
                 reading = f"{bearing + 0.1:.2f}", f"{1e3 * row[bearing % BEAMS]:.0f}"
                 lines.append(",".join([f"{time:.3f}", *reading]) if stamped else ";".join(reading))
         log = load_log(written("lidar.csv", "\n".join(lines)))
         assert len(log) == 40 and not log.placed and "gathered" in " ".join(log.notes)
-        for scan, row in zip(log.scans, ranges, strict=True):
+        for scan, row in zip(log.scans, RANGES, strict=True):
             found = scan.hits & (np.degrees(scan.angles) < 90)
             expected = row[np.rint(np.degrees(scan.angles[found]) - 0.1).astype(int)]
             # A fan has as many beams as most scans, a tenth fewer than there are bearings.
             assert np.abs(scan.ranges[found] - expected).max() < 0.6 and found.sum() > 60
 
 
-def test_arrays_are_read_by_their_names(drive, tmp_path):
-    times, poses, ranges = drive
-    np.savez(tmp_path / "drive.npz", ranges=ranges, angles=ANGLES, stamps_s=times, poses=poses)
-    savemat(tmp_path / "drive.mat", {"data": {"Ranges": ranges.T, "Angles": np.degrees(ANGLES),
-                                              "time": times, "pose": poses.T}})  # fmt: skip
-    np.savez(tmp_path / "more.npz", laser_ranges=ranges, range=9.0, stamps_s=times, poses=poses)
+def test_arrays_are_read_by_their_names(tmp_path):
+    np.savez(tmp_path / "drive.npz", ranges=RANGES, angles=ANGLES, stamps_s=TIMES, poses=POSES)
+    savemat(tmp_path / "drive.mat", {"data": {"Ranges": RANGES.T, "Angles": np.degrees(ANGLES),
+                                              "time": TIMES, "pose": POSES.T}})  # fmt: skip
+    np.savez(tmp_path / "more.npz", laser_ranges=RANGES, range=9.0, stamps_s=TIMES, poses=POSES)
     savemat(tmp_path / "velocity.mat", {
-        "velocity_ns": {"ranges": ranges, "pose": poses},
-        "stamp": {"sec": times // 1, "nanosec": 1e9 * (times % 1)},
+        "velocity_ns": {"ranges": RANGES, "pose": POSES},
+        "stamp": {"sec": TIMES // 1, "nanosec": 1e9 * (TIMES % 1)},
     })  # fmt: skip
     for name in ("drive.npz", "drive.mat", "more.npz", "velocity.mat"):
         log = load_log(tmp_path / name)
-        assert np.diff(log.times) == pytest.approx(np.diff(times), abs=1e-5)
-        assert log.times[0] == pytest.approx(times[0]) and np.allclose(log.poses[:, 0], poses[:, 0])
+        assert np.diff(log.times) == pytest.approx(np.diff(TIMES), abs=1e-5)
+        assert log.times[0] == pytest.approx(TIMES[0]) and np.allclose(log.poses[:, 0], POSES[:, 0])
         assert name[:5] != "drive" or len(map_log(log).map) == 4
-    np.savez(tmp_path / "other.npz", picture=ranges)
+    np.savez(tmp_path / "other.npz", picture=RANGES)
     with pytest.raises(InputError, match=r"no ranges .*picture \(40, 181\)"):
         load_log(tmp_path / "other.npz")
 
@@ -317,38 +311,37 @@ HEADS = {
 
 
 @pytest.mark.parametrize("name", MESSAGES)
-def test_messages_and_records_of_other_programs_are_read(name, drive, written):
+def test_messages_and_records_of_other_programs_are_read(name, written):
     lines = [
         MESSAGES[name](" ".join(map(str, row)), " ".join(map(str, pose)), time)
-        for time, pose, row in zip(*(each.tolist() for each in drive), strict=True)
+        for time, pose, row in zip(*(each.tolist() for each in (TIMES, POSES, RANGES)), strict=True)
     ]
     log = load_log(written(name, "\n".join(HEADS.get(name, []) + lines) + "\n"))
     assert log.bad_count == 0 and log.placed
-    for field, wanted in (("ranges", drive[2]), ("angles", [ANGLES] * 40)):
+    for field, wanted in (("ranges", RANGES), ("angles", [ANGLES] * 40)):
         assert np.allclose([getattr(scan, field) for scan in log.scans], wanted, atol=1e-3)
-    assert np.allclose(log.poses, drive[1] - [0, 0, 2 * np.pi] * (drive[1] > np.pi), atol=1e-3)
+    assert np.allclose(log.poses, POSES - [0, 0, 2 * np.pi] * (POSES > np.pi), atol=1e-3)
     assert np.diff(log.times) == pytest.approx(0.1, abs=1e-3)
     assert any("no stamps" in note for note in log.notes) == (name in ("short.txt", "other.txt"))
     assert any("unknown mounts (40 of laser2)" in note for note in log.notes) == (name == "raw.log")
 
 
-def test_printed_messages_get_the_poses_in_a_file_beside_them(drive, written, tmp_path):
-    times, poses, ranges = drive
-    stamp = [{"sec": int(t), "nanosec": int(1e9 * (t % 1))} for t in times]
+def test_printed_messages_get_the_poses_in_a_file_beside_them(written, tmp_path):
+    stamp = [{"sec": int(t), "nanosec": int(1e9 * (t % 1))} for t in TIMES]
     scans = [
         PRINTED.format(**s, first=ANGLES[0], step=ANGLES[1] - ANGLES[0], ranges=row.tolist())
-        for s, row in zip(stamp, ranges, strict=True)
+        for s, row in zip(stamp, RANGES, strict=True)
     ]
     path = written("a_scan.txt", "".join(scans))
     assert not load_log(path).placed
-    half = 0.5 * poses[:, 2]
+    half = 0.5 * POSES[:, 2]
     tum = np.column_stack(
-        [times, poses[:, :2], 0 * times, 0 * times, 0 * times, np.sin(half), np.cos(half)]
+        [TIMES, POSES[:, :2], 0 * TIMES, 0 * TIMES, 0 * TIMES, np.sin(half), np.cos(half)]
     )
     np.savetxt(tmp_path / "a_poses.txt", tum[:-20], fmt="%.9f")
     log = load_log(path)
     # Scans a while after the last pose are left out, not placed there.
-    assert 20 <= len(log) < 22 and log.poses[:20, :2] == pytest.approx(poses[:20, :2], abs=1e-3)
+    assert 20 <= len(log) < 22 and log.poses[:20, :2] == pytest.approx(POSES[:20, :2], abs=1e-3)
     assert len(map_log(log).map) == 4 and "left out" in " ".join(log.notes)
     path.write_text("".join(scans).replace(", 4.0]", ", '...']").replace("]", ", '...']"))
     with pytest.raises(InputError, match="--full-length"):
@@ -365,15 +358,14 @@ SWEEPS = {
 
 
 @pytest.mark.parametrize("kind", SWEEPS)
-def test_readings_of_rplidars_are_gathered_clockwise(kind, drive, written):
-    _, _, ranges = drive
+def test_readings_of_rplidars_are_gathered_clockwise(kind, written):
     lines = ["Quality, Angle, Distance, Acceleration X, Acceleration Y, Yaw"] * (kind == "named")
-    for row in ranges:
+    for row in RANGES:
         sweep = [SWEEPS[kind](a, 1e3 * row[180 - a] if a <= 180 else 0.0) for a in range(360)]
         lines += [f"[{', '.join(sweep)}]"] if kind == "tuples" else sweep
     log = load_log(written("lidar.txt", "\n".join(lines)))
     assert len(log) == 40 and not log.placed and "clockwise, as RPLIDARs" in " ".join(log.notes)
-    for scan, row in zip(log.scans, ranges, strict=True):
+    for scan, row in zip(log.scans, RANGES, strict=True):
         # The first bearing is 0, and those of the row begin at −180° when turned this way.
         places = np.rint(np.degrees(-scan.angles)).astype(int)
         known = (places <= 180) & scan.hits
@@ -389,16 +381,16 @@ def test_readings_of_rplidars_are_gathered_clockwise(kind, drive, written):
     ],
 )
 def test_a_header_says_what_its_columns_are_and_that_intensities_are_no_qualities(
-    begin, line, drive, written
+    begin, line, written
 ):
     lines = [
         "\n".join([begin, *(line.format(a=a, rad=np.radians(a), m=row[a], mm=1e3 * row[a])
                             for a in range(BEAMS))])
-        for row in drive[2]
+        for row in RANGES
     ]  # fmt: skip
     log = load_log(written("lds.csv", "\n".join(lines)))
     assert len(log) == 40 and log.bad_count == 0
-    assert np.allclose([scan.ranges for scan in log.scans], drive[2], atol=1e-3)
+    assert np.allclose([scan.ranges for scan in log.scans], RANGES, atol=1e-3)
     assert np.allclose(np.degrees(log.scans[0].angles), range(BEAMS), atol=1e-3)
 
 
@@ -411,17 +403,15 @@ def test_a_header_says_what_its_columns_are_and_that_intensities_are_no_qualitie
         lambda number: number // 12,
     ],
 )
-def test_a_turn_is_a_scan_whatever_clock_stamps_it_and_its_first_returns_count(
-    stamp, drive, written
-):
+def test_a_turn_is_a_scan_whatever_clock_stamps_it_and_its_first_returns_count(stamp, written):
     lines = [
         f"{stamp(BEAMS * k + a)},{a},{each:.4f}"
-        for k, row in enumerate(drive[2]) for a in range(BEAMS)
+        for k, row in enumerate(RANGES) for a in range(BEAMS)
         for each in (0.0, np.inf, row[a], row[a] + 0.9)
     ]  # fmt: skip
     log = load_log(written("dual.csv", "\n".join(["time,angle,distance", *lines])))
     assert len(log) == 40
-    assert np.allclose([s.ranges[s.hits] for s in log.scans], drive[2], atol=1e-3)
+    assert np.allclose([s.ranges[s.hits] for s in log.scans], RANGES, atol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -433,34 +423,34 @@ def test_a_turn_is_a_scan_whatever_clock_stamps_it_and_its_first_returns_count(
         [a + b for a in range(90) for b in (0, 180, 90)],
     ],
 )
-def test_scans_with_stamps_of_their_own_are_neither_torn_nor_mirrored(bearings, drive, written):
-    lines = [f"{k},{a},{row[a % BEAMS]:.4f},20" for k, row in enumerate(drive[2]) for a in bearings]
+def test_scans_with_stamps_of_their_own_are_neither_torn_nor_mirrored(bearings, written):
+    lines = [f"{k},{a},{row[a % BEAMS]:.4f},20" for k, row in enumerate(RANGES) for a in bearings]
     log = load_log(written("wide.csv", "\n".join(["time,angle,distance,quality", *lines])))
     assert len(log) == 40
-    for scan, row in zip(log.scans, drive[2], strict=True):
+    for scan, row in zip(log.scans, RANGES, strict=True):
         found = np.rint(np.degrees(scan.angles[scan.hits])).astype(int)
         assert found.tolist() == sorted(bearings)
         assert np.allclose(scan.ranges[scan.hits], row[found % BEAMS], atol=1e-3)
 
 
 @pytest.mark.parametrize("columns", ["time,left,right", "time,left,right,foo,bar"])
-def test_encoder_ticks_beside_scans_are_no_poses(columns, drive, tmp_path):
+def test_encoder_ticks_beside_scans_are_no_poses(columns, tmp_path):
     head = ",".join(["time", *map(str, range(BEAMS))])
-    (tmp_path / "a_scan.csv").write_text(text([drive[0], drive[2]], ",", head))
-    ticks = drive[0][:, None] * [1, 100, 110, 0, 1]
+    (tmp_path / "a_scan.csv").write_text(text([TIMES, RANGES], ",", head))
+    ticks = TIMES[:, None] * [1, 100, 110, 0, 1]
     (tmp_path / "a_odom.csv").write_text(text([ticks[:, : columns.count(",") + 1]], ",", columns))
     log = load_log(tmp_path / "a_scan.csv")
     assert not log.placed and "holds no poses that are understood" in " ".join(log.notes)
 
 
-def test_bare_ranges_get_their_units_and_bearings_from_what_is_known(drive, tmp_path):
-    ranges = drive[2][:, :180]
+def test_bare_ranges_get_their_units_and_bearings_from_what_is_known(tmp_path):
+    ranges = RANGES[:, :180]
     head = ",".join(["time", *map(str, range(180))])
-    (tmp_path / "a.csv").write_text(text([drive[0], ranges], ",", head))
+    (tmp_path / "a.csv").write_text(text([TIMES, ranges], ",", head))
     np.save(tmp_path / "a.npy", 1e3 * ranges)
     by_header = load_log(tmp_path / "a.csv")
     by_format = load_log(tmp_path / "a.npy", format="ranges:mm, first=90deg, step=-1deg")
-    assert by_header.times == pytest.approx(drive[0], abs=1e-3)
+    assert by_header.times == pytest.approx(TIMES, abs=1e-3)
     assert np.degrees(by_format.scans[0].angles[[0, -1]]) == pytest.approx([90, -89])
     for one, other in zip(by_header.scans, by_format.scans, strict=True):
         assert one.ranges == pytest.approx(other.ranges, abs=1e-3)
@@ -469,20 +459,19 @@ def test_bare_ranges_get_their_units_and_bearings_from_what_is_known(drive, tmp_
         load_log(tmp_path / "a.npy")
 
 
-def test_telegrams_of_sick_are_read(drive, written):
+def test_telegrams_of_sick_are_read(written):
     """Their bearings are in ten thousandths of a degree, and ahead is 90°."""
-    times, _, ranges = drive
     lines = [
         f"\x02sSN LMDscandata 0 1 89A27F 0 0 1 1 {round(1e6 * t):X} 0 0 0 3F 0 0 1388 168 0 1 DIST1"
         f" 40000000 00000000 FFFFF63C 2710 {BEAMS:X} "
         + " ".join(f"{round(500 * each):X}" for each in row) + " 0 0\x03"
-        for t, row in zip(times - times[0], ranges, strict=True)
+        for t, row in zip(TIMES - TIMES[0], RANGES, strict=True)
     ]  # fmt: skip
     log = load_log(written("tim.txt", "\n".join([*lines, "sSN LMDscandata DIST1 0 1 2 3 4"])))
     assert len(log) == 40 and not log.placed and log.bad_count == 1
-    assert np.allclose(log.times, times - times[0])
+    assert np.allclose(log.times, TIMES - TIMES[0])
     assert np.allclose(log.scans[0].angles, ANGLES - np.radians(0.25))
-    assert np.allclose([scan.ranges for scan in log.scans], ranges, atol=2e-3)
+    assert np.allclose([scan.ranges for scan in log.scans], RANGES, atol=2e-3)
 
 
 def test_a_file_that_is_no_log_gets_a_line_that_says_what_it_looks_like(written):

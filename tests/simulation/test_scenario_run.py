@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from program import lrf3d as program
-from stops import Stop, stopping
+from stops import record_up_to
 from test_cli import ROOM
 
 import lrf3d
@@ -46,8 +46,7 @@ def test_a_recording_of_the_command_line_goes_on_in_python(tmp_path):
     lrf3d.record(scenario.simulation(rng=0), path, resume=True)
     assert path.stat().st_mtime_ns == written
     (tmp_path / "part").mkdir()
-    with pytest.raises(Stop):
-        lrf3d.record(scenario.simulation(rng=0), tmp_path / "part/run.npz", progress=stopping(2))
+    record_up_to(2, scenario.simulation(rng=0), tmp_path / "part/run.npz")
     program("run", "paper_room", "--resume", "--no-video", "--out", tmp_path / "part")
     assert (tmp_path / "part/run.npz").read_bytes() == whole
 

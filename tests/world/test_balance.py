@@ -68,38 +68,6 @@ def test_elements_of_osm_are_used_or_left_out(written, balances, points, ways, r
     added_up(balances[-1])
 
 
-@pytest.mark.parametrize(
-    ("tags", "reason"),
-    [
-        ({"building": "roof"}, "building open at the ground"), ({"building": "no"}, "building: no"),
-        ({"building:part": "yes", "min_height": "5"}, "building open at the ground"),
-        ({"barrier": "hedge"}, "barrier: hedge"), ({"razed:building": "yes"}, "razed:building"),
-        ({"indoor": "area"}, "indoor area without walls"),
-        ({"feature_type": "venue"}, "IMDF feature: venue"),
-    ],
-)  # fmt: skip
-def test_geojson_and_openstreetmap_leave_out_the_same(tags, reason, written, balances):
-    places = [[0, 0], [1e-3, 0], [1e-3, 1e-3], [0, 1e-3]]
-    house = {"type": "Feature", "properties": {"building": "yes"}, "geometry": area(places)}
-    other = {"type": "Feature", "properties": tags, "geometry": area(np.array(places) + 2e-3)}
-    text = json.dumps({"type": "FeatureCollection", "features": [house, other]})
-    world = load_world(written("a.geojson", text))
-    assert len(world.segments) == 4 and added_up(balances[0]) == {reason: 1}
-
-
-def area(places):
-    return {"type": "Polygon", "coordinates": [np.vstack([places, places[:1]]).tolist()]}
-
-
-def test_rooms_without_a_tag_are_named_where_they_lose_their_walls(tmp_path):
-    shapes = [area([[x, 0], [x + 9, 0], [x + 9, 9], [x, 9]]) for x in (0, 9)]
-    features = [{"type": "Feature", "properties": {}, "geometry": each} for each in shapes]
-    collection = {"type": "FeatureCollection", "units": "m", "features": features}
-    (tmp_path / "a.geojson").write_text(json.dumps(collection))
-    with pytest.warns(Lrf3dNote, match="2 areas that touch.*indoor=room"):
-        load_world(tmp_path / "a.geojson")
-
-
 @pytest.mark.parametrize(("unit", "scale"), [(1000.0, "0.001"), (100.0, "0.01"), (1.0, "")])
 def test_a_mesh_in_another_unit_is_doubted_with_the_scale_that_fits(unit, scale, tmp_path):
     hall = trimesh.creation.box((20, 12, 3)).apply_translation((0, 0, 1.5)).apply_scale(unit)
@@ -155,6 +123,28 @@ def test_features_of_geojson_are_used_or_left_out(tmp_path, balances, features):
     added_up(balances[-1])
 
 
+@pytest.mark.parametrize(
+    ("tags", "reason"),
+    [
+        ({"building": "roof"}, "building open at the ground"), ({"building": "no"}, "building: no"),
+        ({"building:part": "yes", "min_height": "5"}, "building open at the ground"),
+        ({"barrier": "hedge"}, "barrier: hedge"), ({"razed:building": "yes"}, "razed:building"),
+        ({"indoor": "area"}, "indoor area without walls"),
+        ({"feature_type": "venue"}, "IMDF feature: venue"),
+    ],
+)  # fmt: skip
+def test_geojson_and_openstreetmap_leave_out_the_same(tags, reason, tmp_path, balances):
+    features = [feature(building="yes"), feature("Polygon", ring(0, 0, 9, 9), **tags)]
+    world = load_world(geojson(tmp_path / "a.geojson", features))
+    assert len(world.segments) == 4 and added_up(balances[0]) == {reason: 1}
+
+
+def test_rooms_without_a_tag_are_named_where_they_lose_their_walls(tmp_path):
+    rooms = [feature("Polygon", ring(x, 0, x + 9, 9)) for x in (0, 9)]
+    with pytest.warns(Lrf3dNote, match="2 areas that touch.*indoor=room"):
+        load_world(geojson(tmp_path / "a.geojson", rooms))
+
+
 @pytest.mark.parametrize("imdf", [True, False])
 def test_rooms_have_walls_in_common_which_doors_open_on_one_level(imdf, tmp_path):
     def named(level):
@@ -192,27 +182,6 @@ def test_a_mesh_is_cut_above_its_floor_and_its_triangles_add_up(floor, tmp_path)
     assert len(notes) == 2 * (floor != 0.0)
     _, balance, _ = cut_of_mesh(tmp_path / "a.stl")
     assert sum(added_up(balance).values()) + balance.used == 36 and balance.used == 16
-
-
-SIGNS = {
-    "a.dxf": (b"AC1032\0\0", "DWG.*DXF"),
-    "a.dwg": (b"AC1032\0\0", "DWG.*DXF"),
-    "a.ifc": (b"ISO-10303-21;\nHEADER;", "IFC"),
-    "a.dae": (b'<?xml version="1.0"?>\n<COLLADA>', "COLLADA"),
-    "a.osm.pbf": (b"\0\0\0\r\n\tOSMHeader\x18", "PBF.*osmium"),
-    "b.dxf": (b'<?xml version="1.0"?>\n<svg/>', r"SVG drawing; name it b\.svg"),
-    "a.osm": (b"<!DOCTYPE html><html>", "web page"),
-    "a.pcd": (b"# .PCD v0.7", "point cloud"),
-    "a.gltf": (b'{"buffers": [{"uri": "my%20room.bin"}]}', r"needs 'my room\.bin'"),
-}
-
-
-@pytest.mark.parametrize("name", SIGNS)
-def test_first_bytes_decide_what_a_file_is(name, tmp_path):
-    data, said = SIGNS[name]
-    (tmp_path / name).write_bytes(data)
-    with pytest.raises(WorldError, match=rf"{name}: .*{said}"):
-        load_world(tmp_path / name)
 
 
 def test_packed_files_and_features_in_lines_are_read(written, tmp_path):

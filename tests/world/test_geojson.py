@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.base.errors import Lrf3dNote, MissingLibraryError, WorldError
+from lrf3d.geometry.lines import lengths
 from lrf3d.world import load_world, save_world
 from lrf3d.world.towns.features import DEFAULT_BUILDING_HEIGHT
 
@@ -35,10 +36,6 @@ def read(folder, *features, **members):
     return load_world(path)
 
 
-def lengths(world):
-    return np.hypot(*(world.segments[:, 2:] - world.segments[:, :2]).T)
-
-
 def test_a_footprint_keeps_its_coordinates_and_turns_counter_clockwise(tmp_path):
     ring = rectangle(0.123456789, 0.3, 10.1, 8.7)
     world = read(tmp_path, polygon(ring[::-1], height=12))
@@ -55,7 +52,9 @@ def test_touching_footprints_become_one_block_with_straight_facades(tmp_path):
     world = read(tmp_path, *houses, polygon(rectangle(30.06, 0.0, 5.0, 5.0)))
     assert world.object_count == 2
     assert np.bincount(world.objects).tolist() == [4, 4]
-    assert sorted(lengths(world)[world.objects == 0]) == pytest.approx([9.0, 9.0, 30.0, 30.0])
+    assert sorted(lengths(world.segments)[world.objects == 0]) == pytest.approx(
+        [9.0, 9.0, 30.0, 30.0]
+    )
 
 
 @settings(max_examples=60)
@@ -150,7 +149,7 @@ def test_degrees_are_laid_flat_to_metres(tmp_path):
     other = house + np.array([0.0, 10.0 * north])
     with pytest.warns(Lrf3dNote, match=r"latitude 52\.0005°, longitude 4\.3601°"):
         world = read(tmp_path, polygon(house.tolist()), polygon(other.tolist()))
-    assert sorted(lengths(world)[:4]) == pytest.approx([10.0, 10.0, 20.0, 20.0], rel=1e-4)
+    assert sorted(lengths(world.segments)[:4]) == pytest.approx([10.0, 10.0, 20.0, 20.0], rel=1e-4)
     assert np.abs(world.bounds.mean(axis=0)).max() < 1.0
     with pytest.raises(WorldError, match="latitude stands before longitude"):
         read(tmp_path, polygon(np.fliplr(house + np.array([140.0, 0.0])).tolist()))
@@ -158,9 +157,9 @@ def test_degrees_are_laid_flat_to_metres(tmp_path):
 
 def test_metres_near_the_origin_are_no_degrees(tmp_path):
     ring = [[0, 0], [0.4, 0], [0.4, 0.3], [0, 0.3]]
-    assert lengths(read(tmp_path, polygon(ring))).max() == 0.4
+    assert lengths(read(tmp_path, polygon(ring)).segments).max() == 0.4
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
-    assert lengths(read(tmp_path, polygon(ring), crs=crs)).max() > 40_000.0
+    assert lengths(read(tmp_path, polygon(ring), crs=crs).segments).max() > 40_000.0
 
 
 def test_blocks_come_in_the_order_of_the_file_and_each_time_the_same(tmp_path):
@@ -218,7 +217,7 @@ def test_other_systems_become_metres(code, crs, flat, tmp_path):
     ring = np.column_stack([*there, [7.0, 8.0, 9.0, -1.0]]).tolist()
     told = {"type": "name", "properties": {"name": crs}} if isinstance(crs, str) else crs
     world = read(tmp_path, polygon(ring), crs=told)
-    assert lengths(world).sum() == pytest.approx(around, rel=1e-3)
+    assert lengths(world.segments).sum() == pytest.approx(around, rel=1e-3)
     assert (world.place is not None) == flat
 
 
@@ -257,22 +256,8 @@ def test_a_building_across_the_dateline_is_as_wide_as_it_is(crs, cut, tmp_path):
     told = {} if crs is None else {"crs": {"type": "name", "properties": {"name": crs}}}
     geometry = {"type": "MultiPolygon", "coordinates": [[each] for each in rings]}
     world = read(tmp_path, feature(geometry), **told)
-    assert sorted(lengths(world)) == pytest.approx([11.12, 11.12, 21.27, 21.27], abs=0.02)
+    assert sorted(lengths(world.segments)) == pytest.approx([11.12, 11.12, 21.27, 21.27], abs=0.02)
     assert abs(world.place[0]) == pytest.approx(180.0) and world.place[1] < -16.0
-
-
-@pytest.mark.parametrize("where", ["member", "property"])
-def test_a_key_that_stands_twice_is_named(where, tmp_path):
-    ring = json.dumps(rectangle(0, 0, 5, 5))
-    twice = '"height": 3, "height": 30' if where == "property" else ""
-    extra = '"name": "a", "name": "b",' if where == "member" else ""
-    (tmp_path / "t.geojson").write_text(
-        f'{{{extra} "type": "Feature", "properties": {{{twice}}},'
-        f' "geometry": {{"type": "Polygon", "coordinates": [{ring}]}}}}'
-    )
-    name = "name" if where == "member" else "height"
-    with pytest.raises(WorldError, match=rf"t\.geojson: .*'{name}' stands twice"):
-        load_world(tmp_path / "t.geojson")
 
 
 def test_roads_water_and_land_are_no_walls(tmp_path):

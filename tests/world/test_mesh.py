@@ -1,3 +1,5 @@
+import warnings
+
 import numpy as np
 import pytest
 import trimesh
@@ -107,10 +109,15 @@ def test_a_mesh_about_z_0_stands_on_its_lowest_large_level_area(tmp_path):
 
 
 def test_a_mesh_in_single_precision_far_from_the_origin_is_doubted(tmp_path):
-    box = trimesh.creation.box((4.0, 3.0, 2.6)).apply_translation([5e5, 5.4e6, 1.3])
+    box = trimesh.creation.box((4.0, 2.0, 2.0)).apply_translation([5e5, 5.4e6, 1.0])
     box.export(tmp_path / "far.stl")
     with pytest.warns(Lrf3dNote, match=r"corners in steps of 0\.5 m\?"):
         load_world(tmp_path / "far.stl")
+    # Texts may hold whole metres.
+    box.export(tmp_path / "text.stl", file_type="stl_ascii")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load_world(tmp_path / "text.stl")
 
 
 def test_a_mesh_that_ends_below_the_cut_says_where_it_is(tmp_path):

@@ -103,13 +103,15 @@ def test_a_multipolygon_keeps_its_courtyard(tmp_path):
     assert len(world.segments) == 8 and world.object_count == 1
 
 
-def test_a_room_with_a_courtyard_and_the_building_around_it_share_their_walls(tmp_path):
+def test_an_entrance_opens_a_room_with_a_courtyard_not_the_building_around_it(tmp_path):
     room = multipolygon((5, "outer"), (6, "inner"), indoor="room", level="0")
     ways = way(5, 0, 1, 9, 2, 3, 0) + way(6, 4, 5, 6, 7, 4)
-    shell = way(7, 0, 1, 9, 2, 3, 0, building="yes") + node(9, (30, 10), entrance="main")
+    tags = {"building": "yes", "height": "12", "name": "tower"}
+    shell = way(7, 0, 1, 9, 2, 3, 0, **tags) + node(9, (30, 10), entrance="main")
     world = osm(tmp_path, ways + room + shell)
     # The entrance is 0.9 m wide.
-    assert lengths(world.segments).sum() == pytest.approx(100 + 40 - 0.9, abs=0.01)
+    assert lengths(world.segments).sum() == pytest.approx(100 + 100 + 40 - 0.9, abs=0.01)
+    assert world.heights.max() == 12.0 and "tower" in world.object_names
 
 
 def test_places_within_ways_and_relations_are_read(tmp_path):

@@ -22,7 +22,7 @@ DEEPEST = 4
 
 # Matches a choice of two colours, on light paper and on dark, and a colour of three shares.
 LIGHT = re.compile(r"light-dark\(\s*((?:[^(),]|\([^()]*\))*),.*\)")
-SHARES = re.compile(r"color\(\s*[\w-]+\s+([\d.]+)\s+([\d.]+)\s+([\d.]+)(?=[\s/)])[^)]*\)")
+SHARES = re.compile(r"color\(\s*[\w-]+\s+([\d.]+%?)\s+([\d.]+%?)\s+([\d.]+%?)(?=[\s/)])[^)]*\)")
 
 
 def style_sheet(root: Element) -> dict[Element, dict[str, str]]:
@@ -54,7 +54,10 @@ def declarations(text: str) -> dict[str, str]:
     found = dict[str, str]()
     for part in re.sub(r"/\*.*?\*/", "", text).split(";"):
         key, _, value = part.partition(":")
-        found = overruled(found, {key.strip().lower(): value.strip()})
+        key = key.strip()
+        # The names of variables are in upper and lower case.
+        key = key if key.startswith("--") else key.lower()
+        found = overruled(found, {key: value.strip()})
     return found
 
 
@@ -78,8 +81,8 @@ def _resolved(style: dict[str, str]) -> dict[str, str]:
 
     def value(key: str) -> str:
         # The page around a drawing may set the colour of lines: unknown, it is black.
-        unset = 0 if key == "stroke" else 2
-        return VARIABLE.sub(lambda use: style.get(use[1], use[unset] or ""), style[key])
+        unset = "black" if key == "stroke" else ""
+        return VARIABLE.sub(lambda use: style.get(use[1], use[2] or unset), style[key])
 
     return {key: found for key in style if (found := value(key))}
 
@@ -88,7 +91,8 @@ def painted(text: str) -> Any:
     """A colour, for svgelements: whole numbers between commas, and no alpha in percent."""
     text = LIGHT.sub(r"\1", text)
     if shares := SHARES.match(text):
-        text = f"rgb({','.join(f'{100 * float(share):g}%' for share in shares.groups())})"
+        parts = (s if "%" in s else f"{100 * float(s):g}%" for s in shares.groups())
+        text = f"rgb({','.join(parts)})"
     text = re.sub(r"/\s*(\d+)%", lambda alpha: f"/{float(alpha[1]) / 100:f}", text)
     text = re.sub(r"(?<=[\d%])[\s/]+(?=[\d.])", ",", text)
     if re.match(r"rgba?\([^%]+$", text):

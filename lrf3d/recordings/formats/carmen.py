@@ -9,6 +9,7 @@ FLASER and RLASER messages, the mount of each is computed from its poses and tho
 """
 
 import re
+from bisect import bisect
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
@@ -329,16 +330,20 @@ class _Reading:
         fans = self._other_fans()
         if self.is_out_of_order:
             self._note("scans and ODOM messages were not in the order of their stamps: put in it")
-            self.rows.sort(key=lambda row: row.scan.time)
             self._stamped["odom"].sort(key=lambda stamped: stamped[0])
+            times = np.sort(self.odom_times).tolist()
+            self.rows = [
+                row._replace(place=bisect(times, row.scan.time) - 1)
+                for row in sorted(self.rows, key=lambda row: row.scan.time)
+            ]
         else:
             self._take_later_lines()
         scans = self._mounted()
         wheels = None
-        if (odom := self._stamped["odom"]) and not self.is_out_of_order:
-            times, driven = (np.array(column) for column in zip(*odom, strict=True))
+        if odom := self._stamped["odom"]:
+            stamps, driven = (np.array(column) for column in zip(*odom, strict=True))
             places = np.array([row.place for row in self.rows])
-            wheels = WheelRecord(times, driven, places, self._offset)
+            wheels = WheelRecord(stamps, driven, places, self._offset)
         return self._intake.log(
             scans,
             wheels=wheels,
@@ -379,10 +384,13 @@ class _Reading:
     def is_out_of_order(self) -> bool:
         """Whether scans and the odometry of their poses stand apart, or are out of order."""
         count = len(self.odom_times)
-        are_apart = {row.place for row in self.rows} in ({-1}, {count - 1})
-        poses = np.array([pose for _, pose in self._stamped["odom"]])
+        poses = [pose for _, pose in self._stamped["odom"]]
+        # Poses of TRUEPOS and Odometry messages, which are others, are kept.
+        own = {row.scan.pose for row in self.rows}
+        are_apart = len(own) == 1 and {row.place for row in self.rows} in ({-1}, {count - 1})
         return count > 1 < len(self.rows) and (
-            are_apart or order_of(self.odom_times, poses) is not None
+            are_apart
+            or (own <= {CENTRE, *poses} and order_of(self.odom_times, np.array(poses)) is not None)
         )
 
     def _other_fans(self) -> tuple[tuple[float, float], ...]:

@@ -1,12 +1,17 @@
 """Stamps: a log that is out of order, such as one merged from two, is sorted by its stamps."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.recordings.repair import Repair
-from lrf3d.recordings.repair.recording import Recording
+
+if TYPE_CHECKING:  # Which matches scans: readers of files only sort lines.
+    from lrf3d.recordings.repair.recording import Recording
 
 # A log is sorted by its stamps where that shortens the path by more than this [m], or where most
 # stamps are earlier than the one before.

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import compress, islice
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -174,25 +174,13 @@ def with_rooms(
         return found, ""
     read = [f"level {chosen} of {known} is read; --level chooses"][: len(storeys) - 1]
     said = "; ".join([counted(len(rooms), "indoor room"), *read])
-    inside = shapely.STRtree(shapely.point_on_surface(shapes_of(rooms)))
-    # A building that holds rooms is their outer wall, which doors open.
-    holds = [
-        any(len(inside.query(each, predicate="contains")) for each in feature.shapes)
-        and all(each.geom_type == "Polygon" for each in feature.shapes)
-        for feature in found
-    ]
-    shells = [*compress(found, holds)]
-    outdoors = [*compress(found, np.logical_not(holds))]
-    return outdoors + _walls_of_rooms(rooms, shells, openings), said
+    return found + _walls_of_rooms(rooms, openings), said
 
 
-def _walls_of_rooms(
-    rooms: list[Feature], shells: list[Feature], openings: list[Feature]
-) -> list[Feature]:
-    """The walls of rooms that touch, and of the buildings around them, as one feature each."""
+def _walls_of_rooms(rooms: list[Feature], openings: list[Feature]) -> list[Feature]:
+    """The walls of rooms that touch, as one feature each."""
     # A line without area may be a wall that divides a room.
-    shell = shapely.union_all(shapely.make_valid(shapes_of(shells)))
-    areas = shapely.make_valid(np.array([*shapes_of(rooms), shell], dtype=object))
+    areas = shapely.make_valid(np.array(shapes_of(rooms), dtype=object))
     outlines = [each.boundary if each.area else each for each in areas]
     lines = shapely.union_all(outlines, grid_size=TOUCHING)
     open_ = [

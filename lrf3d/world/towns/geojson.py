@@ -64,7 +64,8 @@ def read_geojson(path: Path, trees: bool = False, level: str | None = None) -> W
     IMDF are not dissolved: their outlines are walls, on one level.
     """
     data = _parse(path)
-    if _is_answer(data):
+    # An answer of Overpass has no type; GeoJSON may have any members.
+    if data.get("type") is None and isinstance(data.get("elements"), list):
         return read_overpass(path, data, trees, level)
     if trees:
         raise WorldError("trees are read from OpenStreetMap's extracts alone")
@@ -129,11 +130,6 @@ def _features(data: dict[str, Any]) -> Iterator[Feature]:
     for index, item in enumerate(items):
         with at(f"feature {index}"):
             yield feature_of(item)
-
-
-def _is_answer(data: dict[str, Any]) -> bool:
-    """Whether this is an answer of Overpass: it has no type, and GeoJSON may have any members."""
-    return data.get("type") is None and isinstance(data.get("elements"), list)
 
 
 def _is_map(data: dict[str, Any]) -> bool:

@@ -269,20 +269,26 @@ class CloudScans:
         apart = np.median(np.abs(np.diff(elevations[like][order]))) if len(ranked) else np.inf
         step = step_of(bearings[like][order]) if apart < LEVEL else USUAL_STEP
         if self._ring is None:
-            middle = self.height + _height_of_plane(places, bearings)
-            self._words = self._band_words(middle, rises=bool(apart >= LEVEL))
+            rises = bool(apart >= LEVEL)
+            self._words = self._band_words(_height_of_plane(places, bearings), rises=rises)
         self._beams = round(2.0 * np.pi / step)
         self._words += f", {counted(self._beams, 'beam')}"
 
-    def _band_words(self, middle: float, *, rises: bool) -> str:
-        """Set the band around a height if none was given; the band in words."""
+    def _band_words(self, plane: float, *, rises: bool) -> str:
+        """Set the band if none was given; the band in words.
+
+        It is around the height of the lidar, or that of a plane in the frame of the robot itself.
+        """
         if self.band is not None:
             frame = self.base or "the lidar, whose mount is unknown"
             return f"points from {self.band[0]:g} to {self.band[1]:g} m above {frame}"
-        self._rises = rises
+        # A lidar of known height has it, whatever it meets first.
+        middle = self.height or plane
         self.band = middle - HALF_BAND, middle + HALF_BAND
-        widening = f", or up to {np.degrees(RISE):.1f}° above it" if rises else ""
-        return f"points within {HALF_BAND:g} m of the lidar's height{widening} (or give --height)"
+        self._rises = rises and middle == self.height
+        where = "the lidar's height" if middle == self.height else f"their height, {plane:.2g} m"
+        widening = f", or up to {np.degrees(RISE):.1f}° above it" if self._rises else ""
+        return f"points within {HALF_BAND:g} m of {where}{widening} (or give --height)"
 
     def _chosen(self, x: Float, y: Float, z: Float, rings: Int | None) -> Bool:
         """Which points (n,) may make a scan, by their places from the lidar and their rings."""
@@ -326,14 +332,14 @@ class CloudScans:
 
 
 def _height_of_plane(places: Float, bearings: Float) -> float:
-    """The height of points (n, 3) above the lidar's frame if all are of planar lasers; else 0.
+    """The height of points (n, 3) above the robot's frame if all are of planar lasers; else 0.
 
-    In the frame of the robot, they have the height of the laser. Points on a floor are many in a
-    bearing.
+    Points on a floor are low, or many in a bearing.
     """
     looked = len(np.unique(np.round(bearings / USUAL_STEP)))
-    is_plane = np.ptp(places[:, 2]) < FLAT and ENOUGH <= len(places) <= MOST_FLAT * looked
-    return float(np.median(places[:, 2])) if is_plane else 0.0
+    height = float(np.median(places[:, 2]))
+    is_flat = np.ptp(places[:, 2]) < FLAT < height
+    return height if is_flat and ENOUGH <= len(places) <= MOST_FLAT * looked else 0.0
 
 
 def step_of(bearings: Float) -> float:

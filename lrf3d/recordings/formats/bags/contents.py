@@ -158,10 +158,8 @@ class Contents:
         """An empty stream of clouds, in a frame of the lidar that is made level."""
         if basename(frame) in FIXED:
             raise InputError(f"points in the frame {frame}, which is not that of a lidar")
-        edges = edges_of(self, topic)
         always = BagPart(np.empty(0, dtype=np.int64), 0)
-        motions = {child: (above, track.within(always)) for child, (above, track) in edges.items()}
-        frames = Frames({k: (above, m) for k, (above, m) in motions.items() if m is not None})
+        frames = Frames(edges_of(self, topic), always)
         base = frames.base(frame)
         if base == frame:
             axes, _ = level_axes(frame, None)

@@ -168,11 +168,12 @@ def _matrices(rows: Float) -> Float:
 
 
 class Frames:
-    """A tree of frames: the parent of each, and its motion in it."""
+    """A tree of frames in a part of a recording: the parent of each, and its motion in it."""
 
-    def __init__(self, edges: Mapping[str, tuple[str, FrameMotion]]) -> None:
-        self._edges = edges
-        self._known = {*edges, *(parent for parent, _ in edges.values())}
+    def __init__(self, edges: Mapping[str, tuple[str, FrameTrack]], part: BagPart) -> None:
+        motions = {child: (above, track.within(part)) for child, (above, track) in edges.items()}
+        self._edges = {k: (above, motion) for k, (above, motion) in motions.items() if motion}
+        self._known = {*self._edges, *(parent for parent, _ in self._edges.values())}
 
     def __contains__(self, frame: str) -> bool:
         return frame in self._known

@@ -125,11 +125,11 @@ class _Robot:
     def __init__(self, contents: Contents, stream: ScanStream, part: BagPart, wanted: str) -> None:
         self.part = part
         self._stream = stream
+        self._frame = stream.frame
         self._contents = contents
         edges = edges_of(contents, stream.topic)
         self._edges = {child: track for child, (_, track) in edges.items()}
-        moving = {child: (parent, track.within(part)) for child, (parent, track) in edges.items()}
-        self._frames = Frames({k: (above, m) for k, (above, m) in moving.items() if m is not None})
+        self._frames = Frames(edges, part)
         self._children = contents.children
         self._tracks = contents.tracks
         sources, further = self._sources()
@@ -146,7 +146,7 @@ class _Robot:
         truths = [topic for topic in topics if "ground_truth" in topic]
         drives = [topic for topic in topics if topic not in truths]
         driven = [topic for topic in drives if self._children[topic]]
-        chain = self._frames.chain(self._stream.frame)
+        chain = self._frames.chain(self._frame)
         drifting = [frame for frame in chain if basename(frame) == DRIFTING]
         odom = [*driven, *self._moving(drifting[:1]), *drives, ""][0]
         tree = "".join(self._moving(chain[-1:]))
@@ -155,17 +155,15 @@ class _Robot:
 
     def _moving(self, frames: Sequence[str]) -> list[str]:
         """Those of the given frames above the laser relative to which it moves."""
-        chain = self._frames.chain(self._stream.frame)
+        chain = self._frames.chain(self._frame)
         moves = np.cumsum([0, *map(self._frames.moves, chain)])
         return [frame for frame in frames if moves[chain.index(frame)]]
 
     def _own(self) -> list[str]:
         """The topics of poses that may be this robot's, the likeliest first."""
-        frames = self._frames
-        frame = self._stream.frame
 
         def rank(name: str) -> tuple[bool, bool, int, bool, str]:
-            linked = frames.carries(self._children[name], frame)
+            linked = self._frames.carries(self._children[name], self._frame)
             near = len(commonpath([name, self._stream.topic]))
             return not linked, "filtered" not in name, -near, basename(name) != DRIFTING, name
 
@@ -178,11 +176,12 @@ class _Robot:
 
     def _is_foreign(self, topic: str, child: str) -> bool:
         """Whether the poses of a topic are another robot's."""
-        frame = self._stream.frame
         frames = self._frames
-        if dirname(child) and dirname(frame) and dirname(child) != dirname(frame):
+        own = dirname(self._frame)
+        if dirname(child) and own and dirname(child) != own:
             return True
-        if child in frames and frame in frames and not frames.carries(child, frame):
+        both = child in frames and self._frame in frames
+        if both and not frames.carries(child, self._frame):
             return True
         # A topic next to the scans of another robot is that robot's.
         there = dirname(topic)
@@ -191,38 +190,36 @@ class _Robot:
 
     def _carrier(self) -> tuple[str, str]:
         """The frame that the source gives the poses of, and the source in words."""
-        frame = self._stream.frame
-        frames = self._frames
-        source = self.source
-        base = frames.base(frame)
-        if frame not in frames:
+        frame = self._frame
+        base = self._frames.base(frame)
+        if frame not in self._frames:
             self._refuse_later_part()
-        if source not in self._tracks:
-            return base, f"/tf, {frame} in {source}"
-        child = self._children[source] or base
-        if frames.carries(child, frame):
-            return child, source
+        if self.source not in self._tracks:
+            return base, f"/tf, {frame} in {self.source}"
+        child = self._children[self.source] or base
+        if self._frames.carries(child, frame):
+            return child, self.source
         middle = f"the laser in the middle of {child} for want of a transform"
-        return base, f"{source}, with {middle if base == frame else f'{base} taken for {child}'}"
+        how = middle if base == frame else f"{base} taken for {child}"
+        return base, f"{self.source}, with {how}"
 
     def _refuse_later_part(self) -> None:
         """Refuse a later part of a recording that lacks the transform of the laser."""
         path = self._contents.intake.path
-        frame = self._stream.frame
-        driven = self.source in self._tracks and self._children[self.source] != frame
+        driven = self.source in self._tracks and self._children[self.source] != self._frame
         edges = edges_of(self._contents, self._stream.topic)
         above = {basename(parent) for parent, _ in edges.values()}
         moved = driven or (not self.source and above & {DRIFTING, "map"})
         if moved and re.search(r"_[1-9]\d*\.(db3|mcap)$", path.name):
             raise InputError(
                 f"{path}: a later part of a recording, without its /tf_static, which says where"
-                f" {frame} is mounted; read the folder of all parts, or the first one"
+                f" {self._frame} is mounted; read the folder of all parts, or the first one"
             )
 
     @property
     def lacks(self) -> str:
         """What a bag lacks that gives no poses."""
-        of = f" of {self._stream.frame}" if self._edges else ""
+        of = f" of {self._frame}" if self._edges else ""
         return f"no ground truth, no transforms{of}, no odometry"
 
     @property
@@ -269,7 +266,7 @@ class _Robot:
 
     def _used_tracks(self) -> dict[str, FrameTrack]:
         """The tracks of stamped poses from which those of the laser are computed, by name."""
-        chain = self._frames.chain(self._stream.frame)
+        chain = self._frames.chain(self._frame)
         tracks = {f"/tf of {frame}": self._edges[frame] for frame in chain if frame in self._edges}
         if self.source in self._tracks:
             tracks[self.source] = self._tracks[self.source]
@@ -277,7 +274,7 @@ class _Robot:
 
     def has(self, stream: ScanStream) -> bool:
         """Whether a stream is this one, or of another laser of this robot whose poses are known."""
-        mine = self._frames.base(self._stream.frame)
+        mine = self._frames.base(self._frame)
         return stream is self._stream or (
             bool(self.source) and self._frames.carries(mine, stream.frame)
         )

@@ -244,9 +244,16 @@ def _latched(topic: str) -> list[Any]:
 
     if topic not in (STATIC_FRAMES, GRID, LINES):
         return []
-    kept = ros.QosHistory.KEEP_LAST
-    reliable = ros.QosReliability.RELIABLE
-    local = ros.QosDurability.TRANSIENT_LOCAL
-    alive = ros.QosLiveliness.AUTOMATIC
     for_ever = ros.QosTime(9223372036, 854775807)
-    return [ros.Qos(kept, 1, reliable, local, for_ever, for_ever, alive, for_ever, False)]
+    kept = ros.Qos(
+        history=ros.QosHistory.KEEP_LAST,
+        depth=1,
+        reliability=ros.QosReliability.RELIABLE,
+        durability=ros.QosDurability.TRANSIENT_LOCAL,
+        deadline=for_ever,
+        lifespan=for_ever,
+        liveliness=ros.QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=for_ever,
+        avoid_ros_namespace_conventions=False,
+    )
+    return [kept]
