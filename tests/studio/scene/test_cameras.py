@@ -106,6 +106,16 @@ def test_a_robot_whose_map_is_not_shown_is_another_robot_in_what_is_said():
     assert story._said(0, timeline.start)[0] == "Here robot 1 sees another robot"
 
 
+def test_a_moment_that_comes_too_late_does_not_shorten_the_rise(monkeypatch):
+    timeline = Timeline(city_run(seconds=20.0), playback=4.0)
+    usual = plan_shots(timeline)
+    late = timeline.start + 0.99 * (timeline.end - timeline.start)
+    monkeypatch.setattr("lrf3d.studio.scene.shots.subject_of", lambda *_: Subject("", late))
+    planned = plan_shots(timeline)
+    assert "proof" not in [shot.name for shot in planned]
+    assert planned[-3].length > 0.8 * usual[-3].length
+
+
 def test_a_story_says_that_it_is_fast_forward_but_not_in_a_picture_or_a_part():
     _, _, story = told(city_run(seconds=400.0), 4.0)
     number = [shot.name for shot in story.shots].index("rise")
