@@ -185,6 +185,7 @@ class MapBeside:
         """What is seen in maps at a time [s], and their scale."""
         window = self._window(time)
         run: Any = self._scene.run
+        scan = self._scene.timeline.moment(time).mapped
         own = [*self._colours[:1]] or [*filter(None, self._scene.team.values())]
         segments = [(NAMED, _ink(tint)) for tint in own or look.between(_SHARES, look.FOUND)]
         seen = ("■", _ink(look.EXPLORED))
@@ -197,7 +198,7 @@ class MapBeside:
         scale.paste(words, (long, 0), words)
         order = "walls in the map" if own else "walls, early to late"
         walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
-        if (self._among_robots or not self._colours) and has_false_walls(run):
+        if (self._among_robots or not self._colours) and has_false_walls(run, scan):
             walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
         if self.magnified and window is not self.window:
             return [scale]

@@ -146,9 +146,9 @@ def false_after(run: Run, scan: int) -> int:
     return false_walls(run, number)[0] if number >= 0 and len(visible_to(run)[0]) else 0
 
 
-def has_false_walls(run: Run) -> bool:
-    """Whether any of the maps of a run that are scored has false walls."""
-    scored = range(0, len(run.maps), 1 + len(run.maps) // _SCORED)
+def has_false_walls(run: Run, scan: int) -> bool:
+    """Whether any of the maps of a run up to a scan that are scored has false walls."""
+    scored = range(0, 1 + run.snapshot_after(scan), 1 + len(run.maps) // _SCORED)
     return run.knows_truth and any(false_walls(run, number)[0] for number in scored)
 
 
