@@ -41,8 +41,9 @@ WORLDS = {
 }
 
 
-# What these are about, one moment proves after the first scan.
-PROVED = ("mirror_hall", "corridor")
+# What these are about, one moment proves after the first scan. In so few scans the corridor's false
+# walls are not all dropped.
+PROVED = ("mirror_hall",)
 
 
 @pytest.mark.parametrize(
