@@ -187,7 +187,7 @@ class MapBeside:
         run: Any = self._scene.run
         scan = self._scene.timeline.moment(time).mapped
         own = [*self._colours[:1]] or [*filter(None, self._scene.team.values())]
-        segments = [(NAMED, _ink(tint)) for tint in own or look.between(_SHARES, look.FOUND)]
+        segments = [(NAMED, _ink(tint)) for tint in own or look.gradient(_SHARES, look.FOUND)]
         seen = ("■", _ink(look.EXPLORED))
         robot = [self._row(("➤", _ink(look.ROBOT)), ("the robot", PALE))] * (not self._colours)
         long = round(window.bar / window.width * self.size[0])

@@ -11,7 +11,7 @@ import numpy as np
 from lrf3d.casting.skyline import swept
 from lrf3d.geometry.lines import TINY, Float
 from lrf3d.laser import LidarScan
-from lrf3d.studio.scene.look import between, rgb
+from lrf3d.studio.scene.look import gradient, rgb
 from lrf3d.studio.scene.shapes import Points, single
 
 # Colours of points from the floor to the top.
@@ -46,7 +46,7 @@ def draw_clouds(
     # Intensities span four powers of ten, as those of hits of range finders do.
     top = min(TOP, high)
     share = 1.0 + 0.25 * np.log10(rows[:, 3]) if by == "intensity" else places[:, 2] / top
-    colours = np.insert(between(share, HEIGHT_COLOURS), 3, 1.0, axis=1)
+    colours = np.insert(gradient(share, HEIGHT_COLOURS), 3, 1.0, axis=1)
     sides = np.zeros((len(places), 2))
     return Points(single(places), single(colours), single(sides), SIZE, PIXELS, glows=False)
 

@@ -280,8 +280,8 @@ def object_colours(world: World, *, indoor: bool) -> Float:
     return np.clip(np.where(np.isnan(given), chosen, given), 0.0, 1.0)
 
 
-def between(shares: Float, colours: Float) -> Float:
-    """Colours (n, 3) at shares 0…1 (n,) of the way along others (k, 3)."""
+def gradient(shares: Float, colours: Float) -> Float:
+    """Colours (n, 3) at shares 0…1 (n,) of a gradient through others (k, 3)."""
     steps = np.linspace(0.0, 1.0, len(colours))
     return np.column_stack([np.interp(shares, steps, channel) for channel in colours.T])
 

@@ -172,7 +172,7 @@ def _point_colours(scan: LaserScan, by: str) -> Float:
     if by == "intensity" and scan.intensities is not None:
         with np.errstate(divide="ignore"):
             share = np.log(scan.intensities[scan.hits]) / np.log(_DARKEST_HIT)
-    return look.between(share, RANGE_COLOURS)
+    return look.gradient(share, RANGE_COLOURS)
 
 
 def _sides(origins: Float, walls: Float, numbers: Int) -> Float:
@@ -217,7 +217,7 @@ class DrawnMap:
             times = _first_mapped(drawn, exposure)
             # What was found at once has one colour, half-way between what is earlier and later.
             ranks = np.searchsorted(order, times) + np.searchsorted(order, times, "right")
-            colours = look.between(0.5 * ranks / max(1, len(order)), look.FOUND)
+            colours = look.gradient(0.5 * ranks / max(1, len(order)), look.FOUND)
         if run.knows_truth:
             # A wall may go on into its reflection, or to where a robot was.
             drawn, owner, false = false_pieces(drawn, structures.tree)
