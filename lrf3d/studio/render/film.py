@@ -253,9 +253,8 @@ class Film:
         seen = seen._replace(columns=columns, marks=(*seen.marks, *shine, *frames))
         picture: Pixels = self.renderer.draw(seen)
         if self._band:
-            lay_pins(
-                picture, self.scene.pins(view, self._size), seen.lens, panel.whole(FALSE_COLOUR)
-            )
+            pins = self.scene.pins(view, self._size)
+            lay_pins(picture, pins, seen.lens, panel.whole(FALSE_COLOUR))
             room = columns, self._band
             text = banded(self._label(moment, view), room, self._scale)
             picture = np.vstack([picture, text])

@@ -34,8 +34,8 @@ _LEAST_LETTER = 6.5
 # Height of the band of text under a picture [pixels of 720 lines].
 _BAND = 132
 
-# Its largest share of the smaller side of a small picture.
-_MOST_COVERED = 0.3
+# Its largest height, in the smaller side of the picture.
+_BAND_SHARE = 0.3
 
 # Its least height, with one legible line [pixels].
 _LEAST_BAND = 16
@@ -110,7 +110,7 @@ def _rows(label: Label) -> list[Words]:
 
 def band_of(size: tuple[int, int]) -> int:
     """Height of the band of text under a picture of a size; 0 where no text would be legible."""
-    high = round(min(_BAND * scale_of(size), _MOST_COVERED * min(size)))
+    high = round(min(_BAND * scale_of(size), _BAND_SHARE * min(size)))
     return high * (high >= _LEAST_BAND)
 
 
@@ -128,10 +128,8 @@ def banded(label: Label, size: tuple[int, int], scale: float) -> Pixels:
     return stacked(drawn, size, gap)
 
 
-def lay_pins(picture: Pixels, pins: Pins | None, lens: Lens, colour: tuple[int, ...]) -> None:
-    """Lay what pins say over a picture, where they end, unless it would lie over what is laid."""
-    if pins is None:
-        return
+def lay_pins(picture: Pixels, pins: Pins, lens: Lens, colour: tuple[int, ...]) -> None:
+    """Lay the labels of pins over a picture, where they end, but for those that would overlap."""
     size = picture.shape[1::-1]
     gap = gap_of(size) // 2
     laid = Image.fromarray(picture)

@@ -167,9 +167,6 @@ ESTIMATE_COLOUR = rgb("#5fe6ff")
 # Colour of what the map of a world with mirrors holds where there is no wall.
 FALSE_COLOUR = rgb("#ff4a5f")
 
-# Colour of pins at what a story was about.
-PINS = rgb("#ffe9a3")
-
 # Opacity of the ellipses that the estimate leaves behind.
 ESTIMATE_FADED = 0.45
 

@@ -14,7 +14,6 @@ from lrf3d.geometry.lines import LEFT, Bool, Float, Int, cross, directions, leng
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.studio.scene import look
-from lrf3d.studio.scene.camera import Look
 from lrf3d.studio.scene.shapes import Lines, Points, Soft, level_lines, single
 from lrf3d.studio.scene.shown import Shown
 from lrf3d.studio.scene.stage.exposure import Exposure
@@ -91,9 +90,6 @@ _NAMED_SIZE = 0.2
 
 # Number of corners of an ellipse as drawn.
 CORNERS = 48
-
-# Height of pins, in the distance of the eye.
-_PIN = 0.018
 
 # What legends call the trail of where the robot was.
 TRUTH = "truth"
@@ -339,18 +335,6 @@ def trail_lines(
         opacities,
         look.BOLD,
     )
-
-
-def pins(places: Float, height: float, colour: look.Colour, view: Look, share: float) -> Soft:
-    """Pins of one colour that point at places (n, 2) at a height [m], which nothing hides.
-
-    They are as large as they may be, or a share of that.
-    """
-    tips = np.insert(places, 2, height, axis=1)
-    right, up, _ = share * _PIN * view.away * view.pose[:3, :3].T
-    corners = np.stack([tips, tips + up - right, tips + up + right], axis=1)
-    colours = np.tile([*colour, 1.0], (len(corners), 3, 1))
-    return Soft(single(corners), single(colours), on_top=True)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

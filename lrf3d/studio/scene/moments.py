@@ -21,15 +21,8 @@ from lrf3d.studio.scene.clouds import draw_clouds
 from lrf3d.studio.scene.drift import GHOST_COLOUR, Drift
 from lrf3d.studio.scene.glass import Panes, bounced, some_beams
 from lrf3d.studio.scene.inset import InsetView, lens_from_above
-from lrf3d.studio.scene.marks import (
-    TRAIL_FADE,
-    DrawnEstimate,
-    DrawnMap,
-    draw_beams,
-    pins,
-    trail_lines,
-)
-from lrf3d.studio.scene.pins import Pins, share_of
+from lrf3d.studio.scene.marks import TRAIL_FADE, DrawnEstimate, DrawnMap, draw_beams, trail_lines
+from lrf3d.studio.scene.pins import Pins, pointing, share_of
 from lrf3d.studio.scene.shapes import (
     ON_TOP,
     UNCUT,
@@ -151,7 +144,7 @@ class Scene:
         # Among robots, a colour is a robot, not when a wall was found.
         own = look.TRAIL_COLOUR if self._robots else None
         self.team: Mapping[Any, look.Colour | None] = team or {run: own}
-        # The runs of which it is shown what their maps miss, by their names; else it is this one.
+        # The runs, by name, whose missed walls are shown in the end; if empty, this one.
         self.judged: Mapping[str, Any] = {}
         self._panes = Latest(2)
         self._maps = Latest()
@@ -384,20 +377,19 @@ class Scene:
             turned = bounced(scan, self._mirrors, apex, aim - self.origin, self._height)
             yield "beams", "turned beam", turned
 
-    def pins(self, view: Look, size: tuple[int, int]) -> Pins | None:
-        """Pins at the walls that maps miss in the end; robots share their walls."""
-        if view.shot != "end" or self._robots:
-            return None
+    def pins(self, view: Look, size: tuple[int, int]) -> Pins:
+        """Pins at the walls that maps miss, in the end; robots share their walls."""
+        missed = self.judged or {"": self.run}
+        runs = missed if view.shot == "end" and not self._robots else {}
         place = self._frame - [0.0, 0.0, self._height]
-        return Pins.of(self.judged or {"": self.run}, share_of(size) * view.away, place)
+        return Pins.of(runs, share_of(size) * view.away, place)
 
     def _pinned(self, view: Look, size: tuple[int, int]) -> Iterator[tuple[str, str, Mark]]:
         """In the end, pins at what the story was about, and at the walls that the map misses."""
         if view.shot == "end":
             pinned = subject_of(self.run, self.timeline.playback).pinned - self.origin
-            yield "map", "pinned", pins(pinned, self._height, look.PINS, view, share_of(size))
-        if missed := self.pins(view, size):
-            yield "map", "lost", missed.mark
+            yield "map", "pinned", pointing(pinned, self._height, view, share_of(size))
+            yield "map", "lost", self.pins(view, size).mark
 
     def _markers(self, time: float, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen, and what moves round it as large."""
