@@ -83,10 +83,8 @@ def panel(
     Robots have names where each has a map, the run's own first.
     """
     if has_card(run, moment, view):
-        card = _card(run, playback)
         drifted = [(words, whole(tint)) for words, tint in _drifted(run, moment, playback)]
-        lines = [*zip(card.text, card.colours, strict=True), *drifted]
-        return _label(lines)
+        return _label([*_card(run, playback), *drifted])
     head, *said = view.said or [""]
     head = head or _caption(run, moment, view.shot, playback)
     if full:
@@ -127,8 +125,8 @@ def _numbers(run: Run, moment: Moment, playback: float) -> list[str]:
 
 
 @lru_cache(1)
-def _card(run: Run, playback: float) -> Label:
-    """What was found in the end: of the visible walls, if the truth is known."""
+def _card(run: Run, playback: float) -> tuple[tuple[str, tuple[int, int, int]], ...]:
+    """What was found in the end, in lines: of the visible walls, if the truth is known."""
     rest = "what it never saw stays dark"
     if not run.maps:
         found = f"{_mapped(run, -1)}, {counted(len(run), 'scan')}"
@@ -146,7 +144,7 @@ def _card(run: Run, playback: float) -> Label:
     pins = f"{PINNED} " * bool(len(subject.pinned))
     told = [(pins + subject.found, INK)] * bool(subject.found)
     colour = PALE if told else INK
-    return _label([*told, (found, colour), *missed, (rest * (not told), PALE)])
+    return (*told, (found, colour), *missed, (rest * (not told), PALE))
 
 
 def _drifted(run: Run, moment: Moment, playback: float) -> list[tuple[str, look.Colour]]:
