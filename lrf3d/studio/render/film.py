@@ -85,7 +85,7 @@ class FilmOptions:
     goal: Goal | None = None
     # What is said of maps that are compared.
     title: str = ""
-    # Whether a story is as fast as it likes, and says so.
+    # Whether a story says where it is fast forward: a single picture or a part does not.
     rushes: bool = True
 
     def of(self, run: Run) -> "FilmOptions":
@@ -198,7 +198,7 @@ class Film:
         width, height = chosen.size
         # Height of the band of text under the picture [pixels].
         self._band = band_of(chosen.size) * ("hud" in chosen.layers)
-        # What is left of the height is the scene's.
+        # The scene has the rest of the height.
         self._size = width, height - self._band
         self.renderer = _renderer(self.scene.stage, self._size, chosen)
         # What shows one map draws it, too; of several, each is on what its own robot has seen.
@@ -210,8 +210,8 @@ class Film:
             self.camera.rushes = chosen.rushes
             self.camera.names = [*self._scenes]
             # The maps of several robots stay, and so does what is magnified.
-            stays = [*self._scenes, *subject_of(run, self.timeline.playback).magnified]
-            self.camera.widens = (not stays) * width / self._size[1]
+            magnified = subject_of(run, self.timeline.playback).magnified
+            self.camera.widens = (not self._scenes) * (not magnified) * width / self._size[1]
 
     def _lay_out(self, chosen: FilmOptions) -> tuple[int, int]:
         """Choose the letters and the gaps round maps; the room for one of them [pixels]."""

@@ -17,7 +17,7 @@ from lrf3d.geometry.lines import Float, cross, directions
 from lrf3d.studio.scene.bodies import robot_names
 from lrf3d.studio.scene.camera import AIM, STEP, CameraPath, Look, SmoothPath
 from lrf3d.studio.scene.cameras import chase, corners_of, fitted, overview
-from lrf3d.studio.scene.drift import Drift
+from lrf3d.studio.scene.drift import drift_of
 from lrf3d.studio.scene.look import NOTHING, SECTION, TINY, Rig
 from lrf3d.studio.scene.shots import CLOSING, FIRST_SHOT, LENGTH, SHOTS, plan_shots
 from lrf3d.studio.scene.stage.exposure import Exposure
@@ -50,11 +50,14 @@ _END_DRIFT = np.radians(6.0)
 # Distance of the camera in the end, in that from which the whole is seen.
 _NEAREST = 0.85
 
-# How far its aim goes from the middle of the whole to what the end turns about, 0…1.
+# How far its aim moves from the middle of the whole to that of what is pinned, 0…1.
 _LEANS = 0.5
 
-# Angle by which the camera turns at most on its way there [rad].
+# Largest angle by which the camera then turns [rad].
 _TURNS_IN_END = 0.6
+
+# How steeply it looks down in the end [rad].
+_END_STEEP = np.radians(34.0)
 
 # Number of moments at which a candidate shot is rated.
 _JUDGED = 13
@@ -101,7 +104,6 @@ _FIELD = float(np.radians(46.0))
 
 # How many times as fast as the rest a rise is from which on it says so.
 _RUSH = 1.2
-
 
 # How far pictures from eye height are moved up, in halves of their height: lower, they show more
 # of the walls.
@@ -172,7 +174,7 @@ class Story:
         self._paths = [SmoothPath.of(timeline, poses) for poses in (timeline.poses, *others)]
         # The names of the robots that the shots show by turns; of one, others have none.
         self.names: Sequence[str] = ()
-        # Whether parts of the run are as fast as is planned, and not as fast as others.
+        # Whether it is said where the film is fast forward: not in a single picture or a part.
         self.rushes = True
         # The aspect of the picture when the map beside it has left; 0 if that stays.
         self.widens = 0.0
@@ -181,9 +183,11 @@ class Story:
         self._whole = overview(timeline, structures, middle, _END_DRIFT)
         # What is in the picture of the whole until a drift is removed (n, 3), if it is seen.
         self._ghost = NOTHING[:, :3]
-        drift = Drift.of(timeline.run, timeline.origin)
+        drift = drift_of(timeline.run)
         if drift is not None and self._subject.since is not None:
-            around = shapely.convex_hull(shapely.multipoints(drift.alone.poses[:, :2]))
+            around = shapely.convex_hull(
+                shapely.multipoints(drift.alone.poses[:, :2] - timeline.origin)
+            )
             ghost = np.insert(shapely.get_coordinates(around), 2, 0.0, axis=1)
             self._ghost = np.vstack([corners_of(timeline, structures), ghost])
         usual = "straight" if structures.indoor else "roofs"
@@ -220,19 +224,19 @@ class Story:
         )
 
     def _said(self, number: int, time: float) -> tuple[str, ...]:
-        """What is said first of a shot by its number: its subject, or that it is fast."""
+        """The first words on a shot by its number: on its subject, and whether it is fast."""
         shot = self.shots[number]
         subject = self._subject
         share = (time - shot.start) / max(shot.end - shot.start, TINY)
         passed = share * shot.length
         if shot.name == "opening":
             return (subject.title if passed < TITLE_TIME else subject.then,)
-        rushes = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
+        fast = shot.end - shot.start > _RUSH * shot.length * self._timeline.playback
         # The rest of the run is shown in the time that is left.
-        told = ("fast forward",) * (self.rushes and rushes and shot.name in ("proof", "rise"))
+        told = ("fast forward",) * (self.rushes and fast and shot.name in ("proof", "rise"))
         # That a loop has closed is still said where nothing else happens.
-        proven = ["rise"] * (subject.since is not None) * (not rushes)
-        if shot.name in ("proof", *proven):
+        closed = shot.name == "rise" and subject.since is not None and not fast
+        if shot.name == "proof" or closed:
             head = subject.proof if time < subject.until else subject.after
             names = robot_names(self._timeline.run.obstacles, self.names)
             return (head.format(*names), *told)
@@ -304,11 +308,11 @@ class Story:
         else:
             then = CameraPath.along(path, path.headings + staging.then_side, staging.then)
             then = then.past_walls(structures, places)
-        way = self._between(first, then, _eased(shares / _RISEN))
-        return _Take(way, above=self._above * staging.stands)
+        track = self._between(first, then, _eased(shares / _RISEN))
+        return _Take(track, above=self._above * staging.stands)
 
     def _faces(self) -> float:
-        """The direction in which the opening looks past the robot [rad]: usually the farthest."""
+        """Where the opening looks past the robot [rad]: at its subject, or at the farthest hit."""
         scan = self._timeline.run.scans_at(0)[0]
         here = np.array(scan.pose[:2])
         faces = self._subject.faces
@@ -318,18 +322,18 @@ class Story:
         return float(np.arctan2(*(faces - here)[::-1]))
 
     def _closing(self, whole: CameraPath) -> CameraPath:
-        """The camera path near what the end turns about; that of the whole if there is nothing."""
+        """The camera path near what is pinned in the end; that of the whole if nothing is."""
         places = self._subject.pinned - self._timeline.origin
         if not len(places):
             return whole
-        # The nearest side from the line of these.
+        # It turns to the nearer side of the line through these.
         x, y = np.linalg.svd(places - places.mean(axis=0))[2][0]
         turned = np.arctan2(y, x) + self._staging.end_side - whole.turns.mean()
         turned -= np.pi * np.round(turned / np.pi)
         return whole._replace(
             middles=whole.middles + _LEANS * (np.append(places.mean(axis=0), 0.0) - whole.middles),
             turns=whole.turns + np.clip(turned, -_TURNS_IN_END, _TURNS_IN_END),
-            steeps=np.full_like(whole.steeps, self._staging.end_steep),
+            steeps=np.full_like(whole.steeps, _END_STEEP),
             aways=_NEAREST * whole.aways,
         )
 
