@@ -49,17 +49,19 @@ _BAR = 0.04
 # Shares of the walls found, whose colours a legend shows.
 _SHARES = np.linspace(0.0, 1.0, 4)
 
-# Width of what a map shows around the wall that is missed [m].
+# Width of what a map shows around a wall that is missed [m].
 _CLOSE = 4.0
 
-# Time in which the map zooms in on that wall [s of the film].
+# Time in which the map zooms in on that wall or on a drift [s of the film].
 _NEARS = 1.2
 
 # How long that is shown [s of the film].
 _CLOSE_LASTS = 3.2
 
-# Height of the outline of what is magnified [m], and its corners in half its size.
+# Height of the outline of what is magnified [m].
 _FRAMED = 0.02
+
+# Corners of this outline, in half its size.
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 # Colour of the frame of a map, 0…255.
@@ -101,7 +103,7 @@ class MapBeside:
         self._among_robots = bool(name and robots_of(scene.run.obstacles))
 
     def _window(self, time: float) -> InsetView:
-        """What is shown at a time [s]: it comes close to a small drift, or to a wall in the end."""
+        """What is shown at a time [s]: it zooms in on a small drift, or on a wall in the end."""
         timeline = self._scene.timeline
         # The last stop is shown for a while.
         since = float(timeline.run.trajectory.times.max())
@@ -118,12 +120,12 @@ class MapBeside:
         # The place stays within what is shown.
         moved = (1.0 - wide / whole) / max(1.0 - width / whole, look.TINY)
         middle = self.window.middle + moved * (ends.mean(axis=0) - self.window.middle)
-        return self.window._replace(middle=middle, width=wide)
+        return self.window._replace(middle=middle, width=wide, close=True)
 
     def frame(self, time: float) -> list[tuple[str, Lines]]:
         """The outline of what is magnified at a time [s], on the ground of the picture."""
         window = self._window(time)
-        if not self.magnified or window is self.window:
+        if not self.magnified or not window.close:
             return []
         middle = np.asarray(window.middle)
         corners = middle + _SQUARE @ np.linalg.inv(window.lens(middle).matrix[:2, :2]).T
@@ -146,7 +148,7 @@ class MapBeside:
         if self.name:
             return "Map of " * self._among_robots + self.name
         drift = self._scene.drift
-        if drift and self.magnified and window is not self.window:
+        if drift and self.magnified and window.close:
             return f"Magnified {drift.words(moment, self._scene.timeline.playback)}"
         kind = "The map" if len(self._scene.run.maps) else "Seen"
         return kind + " so far" * (not self.has_ended(moment.time))
@@ -160,8 +162,7 @@ class MapBeside:
         false = false_after(run, moment.mapped) if len(found) else 0
         lost = look.NOTHING if self._among_robots else lost_after(run, moment.mapped)
         window = self._window(time)
-        close = window is not self.window
-        inset = self._scene.inset(moment, window, self._colours, lost, close=close)
+        inset = self._scene.inset(moment, window, self._colours, lost)
         of = f" of {len(found)}" * (not self._among_robots)
         counts = f"{found.sum()}{of} walls"
         wrong = [f"{len(lost)} missed"] * bool(len(lost)) + [f"{false} false"] * bool(false)
@@ -200,7 +201,7 @@ class MapBeside:
         walls = [self._row(*segments, (order, PALE))] * (not self._among_robots)
         if (self._among_robots or not self._colours) and has_false_walls(run, scan):
             walls.append(self._row((NAMED, _ink(look.FALSE_COLOUR)), ("false walls", PALE)))
-        if self.magnified and window is not self.window:
+        if self.magnified and window.close:
             return [scale]
         return [
             *walls * bool(len(run.maps)),

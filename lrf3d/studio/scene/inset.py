@@ -35,6 +35,8 @@ class InsetView(NamedTuple):
     aspect: float
     # Whether the y axis points to the right, so that the world fills its room.
     turned: bool = False
+    # Whether it is a part of what it usually shows.
+    close: bool = False
 
     @classmethod
     def of(cls, places: Float, tallest: float = _ASPECTS[1], *, turns: bool = False) -> "InsetView":

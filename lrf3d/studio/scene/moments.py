@@ -408,8 +408,6 @@ class Scene:
         view: InsetView,
         colours: Sequence[look.Colour] = (),
         lost: Float = look.NOTHING,
-        *,
-        close: bool = False,
     ) -> Inset:
         """The map so far from straight above, on what was seen: what is not known is dark.
 
@@ -428,7 +426,7 @@ class Scene:
             others = []
             walls = walls._replace(width=_CLEARER * walls.width)
         tint = colours[1] if colours else look.ROBOT
-        if self.drift and close:
+        if self.drift and view.close:
             playback = self.timeline.playback
             ghost, _ = self.drift.seen(moment, playback).ends(moment.time)
             others = [bodies.flat_dart(ghost, dart, 0.0, GHOST_COLOUR)]
