@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -66,26 +66,36 @@ def _found(run: Run, number: int) -> Bool:
 def lost_after(run: Run, scan: int) -> Float:
     """The parts of walls (n, 4) that its last map misses, once a run has ended with a scan."""
     ended = scan == len(run.trajectory.times) - 1
-    return visible_to(run)[0][~found_after(run, scan)] if ended else np.zeros((0, 4))
+    return visible_to(run)[0][~found_after(run, scan)] if ended else NOTHING
+
+
+class LostWalls(NamedTuple):
+    """The walls that the last map of a run misses, and why."""
+
+    # Their visible parts (n, 4), with the side that is missed on the left.
+    parts: Float
+    # How many they are, and why they are missed.
+    words: str
+    # The reason for each; "" where it is not known, or the same for all.
+    reasons: list[str]
 
 
 @lru_cache(_RUNS)
-def lost_walls(run: Run) -> tuple[Float, str, list[str]]:
-    """The walls that its last map misses, why in a sentence, and of each in few words.
-
-    Their visible parts (n, 4) have the side that is missed on the left. Nothing is said of each
-    where the reason is not known, or the same for all.
-    """
+def lost_walls(run: Run) -> LostWalls:
+    """The walls that the last map of a run misses, and why."""
     parts, walls = visible_to(run)
     found = found_after(run, len(run) - 1)
     lost = parts[~found]
     walls = walls[~found]
     if not len(lost):
-        return lost, "", []
-    seen = [np.concatenate([o.walls[o.hits] for o in run.scans_at(k)]) for k in range(len(run))]
+        return LostWalls(lost, "", [])
+    seen = [
+        np.concatenate([scan.walls[scan.hits] for scan in run.scans_at(number)])
+        for number in range(len(run))
+    ]
     most = 1 + walls.max()
     beams = np.array([np.bincount(each[each >= 0], minlength=most)[walls] for each in seen])
-    # The robot was on the side that is missed.
+    # The beams that hit a wall come from the side that is missed.
     robots = run.trajectory.poses[:, None, :2]
     sides = np.sign(cross(directions(lost), robots - lost[:, :2]))
     right = (beams * sides).sum(axis=0) < 0.0
@@ -103,7 +113,7 @@ def lost_walls(run: Run) -> tuple[Float, str, list[str]]:
     else:
         words += ": the map has only the other side" * _have_other_sides(lost, parts[found])
         said = [""] * len(lost)
-    return lost, words, said
+    return LostWalls(lost, words, said)
 
 
 def _have_other_sides(lost: Float, found: Float) -> bool:

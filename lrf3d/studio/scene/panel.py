@@ -138,7 +138,7 @@ def _card(run: Run, playback: float) -> tuple[tuple[str, tuple[int, int, int]], 
     else:
         found = found_words(score_run(judged_part(run)).as_dict())
         found += false_words(false_after(run, len(run) - 1))
-    _, lost, _ = lost_walls(run)
+    lost = lost_walls(run).words
     missed = [(f"{NAMED} {lost}", whole(look.FALSE_COLOUR))] * bool(lost)
     subject = subject_of(run, playback)
     pins = f"{PINNED} " * bool(len(subject.pinned))

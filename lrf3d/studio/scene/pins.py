@@ -67,11 +67,11 @@ class Pins(NamedTuple):
         """Those of maps of some runs from a distance, in a frame with an origin (3,) below them."""
         missed = dict[tuple[float, ...], list[str]]()
         for name, run in runs.items():
-            parts, _, reasons = lost_walls(run)
-            for wall, reason in zip(parts.tolist(), reasons, strict=True):
+            lost = lost_walls(run)
+            for wall, reason in zip(lost.parts.tolist(), lost.reasons, strict=True):
                 missed.setdefault(tuple(wall), []).append(name or reason)
-        lost = sorted(missed, key=lambda wall: -lengths(np.array([wall])).item())
-        walls = np.array(lost).reshape(-1, 4)
+        longest = sorted(missed, key=lambda wall: -lengths(np.array([wall])).item())
+        walls = np.array(longest).reshape(-1, 4)
         start, end = (np.insert(each, 2, 0.0, axis=1) - place for each in np.hsplit(walls, 2))
         aside = away * np.insert(directions(walls) @ LEFT, 2, 0.0, axis=1)
         outer = end + _RIBBON * aside, start + _RIBBON * aside
@@ -82,7 +82,7 @@ class Pins(NamedTuple):
         pins = np.stack([tips, ends + across, ends - across], axis=1)
         corners = np.concatenate([quads.reshape(-1, 3, 3), pins])
         colours = np.tile([*FALSE_COLOUR, 1.0], (len(corners), 3, 1))
-        reasons = [", ".join(filter(None, missed[wall])) for wall in lost[:_MOST]]
+        reasons = [", ".join(filter(None, missed[wall])) for wall in longest[:_MOST]]
         said = [
             metres(long) + f" missed: {why}" * bool(why)
             for long, why in zip(lengths(walls).tolist(), reasons, strict=False)
