@@ -184,7 +184,7 @@ def robots_of(
 
 
 def robot_names(obstacles: "Sequence[DynamicObstacle]", names: Sequence[str] = ()) -> Sequence[str]:
-    """What a robot and the others among obstacles are called: more may be there than have names."""
+    """Names of a robot and of others among obstacles: usual ones for those that have none."""
     usual = ["this robot", *["another robot"] * len(robots_of(obstacles))]
     return [*names, *usual[len(names) :]]
 

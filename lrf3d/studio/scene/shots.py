@@ -123,7 +123,7 @@ def plan_shots(timeline: Timeline, length: float = LENGTH) -> tuple[Shot, ...]:
             first = min(first, before)
     opened = timeline.start + playback * first
     longer = (_SLOWER - 1.0) * (proven > opened)
-    # What takes more than a moment takes its time from the rise and from what follows.
+    # A proof of more than a moment takes its time from the rise and from what follows.
     faster = 1.0 + longer * (subject.since is not None)
     filling = scale * FILLING / faster
     rise = scale * RISE / faster

@@ -261,8 +261,7 @@ class Story:
         known = self._whole.track(wide).at(turned)._replace(times=times)
         whole = known
         if len(self._ghost):
-            how = whole.steeps[0], whole.fields[0], wide
-            whole = fitted(self._ghost, times, whole.turns, *how)
+            whole = fitted(self._ghost, times, whole.turns, whole.steeps[0], whole.fields[0], wide)
         if shot.name == "whole":
             return _Take(whole)
         share = _eased(np.linspace(0.0, 1.0, count))

@@ -56,10 +56,10 @@ _FROM_AFAR = ("rise", "whole")
 # Share of the pieces of false walls that the picture shows: the nearest.
 _NEAR = 0.8
 
-# Least drift in the end that is said to be removed, in the length of the path.
+# Least drift in the end that counts as removed, in the length of the path.
 _LEAST_OFF = 0.01
 
-# How far off the estimate then is at most, in how far odometry alone is.
+# Largest error of the estimate then, in that of odometry alone.
 _CLEARLY = 0.5
 
 # How far the picture of a loop reaches past its path [m].
@@ -79,8 +79,9 @@ class Subject(NamedTuple):
     proof: str = ""
     # From when on that is seen, fast [s of the run], if it is more than a moment.
     since: float | None = None
-    # When that is over [s of the run], and what is said then.
+    # When that is over [s of the run].
     until: float = np.inf
+    # What is said from then on.
     after: str = ""
     # Where a mirror makes a laser see a wall (2,), in the world [m].
     aim: Float | None = None
@@ -96,12 +97,12 @@ class Subject(NamedTuple):
     magnified: tuple[float, ...] = ()
     # What is said after the title.
     then: str = ""
-    # How it opens and ends: a key of the stagings of stories; those of the world if not given.
+    # How it opens and ends: a key of the stagings of stories; the usual one of the world if empty.
     staging: str = ""
     # What the camera looks at past the robot as it opens (2,), in the world [m]; what the first
     # scan has met farthest away if it is not given.
     faces: Float | None = None
-    # What the end turns about, under pins (n, 2), in the world [m].
+    # Where pins point in the end, to which the camera turns (n, 2), in the world [m].
     pinned: Float = np.zeros((0, 2))
     # Where the map drops a false wall (n, 2), in the world [m]: beams go through there.
     dropped: Float = np.zeros((0, 2))
@@ -124,7 +125,10 @@ def beams_told(run: Shown, moment: Moment, playback: float, shot: str) -> list[T
 # Up to eight runs may be side by side.
 @lru_cache(8)
 def subject_of(run: Shown, playback: float) -> Subject:
-    """The first that a run has of a closed loop, a false room, other robots, glass, reflectors."""
+    """The first that a run has: a loop, a false room, other robots, glass, reflectors, false walls.
+
+    Without any of these, it is the map.
+    """
     # What the first scan shows is shown by the opening.
     since = float(run.trajectory.times.min()) + FIRST * playback
     found = _loop(run) or _false_room(run, since) or _robots(run, since)
@@ -143,12 +147,11 @@ def _loop(run: Shown) -> Subject | None:
     first, last = drift.loop
     begins, closes = run.trajectory.times[[first, last]].tolist()
     path = drift.believed.poses[first : last + 1, :2]
-    length = np.hypot(*np.diff(path, axis=0).T).sum()
+    steps = np.hypot(*np.diff(drift.believed.poses[:, :2], axis=0).T)
     last_time = run.trajectory.times[-1]
     off = drift.off(last_time)
-    driven = np.hypot(*np.diff(drift.believed.poses[:, :2], axis=0).T).sum()
     ghost, robot = np.hypot(*(drift.ends(last_time) - run.trajectory.poses[-1])[:, :2].T)
-    removed = off > _LEAST_OFF * driven and (robot < _CLEARLY * ghost or not run.knows_truth)
+    removed = off > _LEAST_OFF * steps.sum() and (robot < _CLEARLY * ghost or not run.knows_truth)
     return Subject(
         "Odometry drifts; the laser finds the way back",
         closes,
@@ -157,7 +160,7 @@ def _loop(run: Shown) -> Subject | None:
         since=begins,
         seen="above",
         until=closes,
-        after=f"Back after {metres(length)}: red shows the drift",
+        after=f"Back after {metres(steps[first:last].sum())}: red shows the drift",
         found=f"{metres(off)} of drift removed" * bool(removed),
         magnified=(begins, drift.magnified) * bool(drift.magnified),
         staging="record",
@@ -264,7 +267,7 @@ def _glass(run: Shown) -> Subject | None:
     robot = run.trajectory.poses[counts.scan, :2]
     before = (robot - start) @ across * across
     along = float(np.arctan2(*(before @ LEFT)[::-1]))
-    at_first = shapely.points(run.trajectory.poses[0, :2]), panes_of(run.world)
+    sight = shapely.shortest_line(shapely.points(run.trajectory.poses[0, :2]), panes_of(run.world))
     panes = _middles_of(run, GLASS)
     known = (
         f"{counted(len(panes), 'pane')} found, tinted" if len(panes) else "none is known as glass"
@@ -281,7 +284,7 @@ def _glass(run: Shown) -> Subject | None:
         along=along,
         then="Of slanted beams, few come back",
         staging="pane",
-        faces=shapely.get_coordinates(shapely.shortest_line(*at_first))[1],
+        faces=shapely.get_coordinates(sight)[1],
         pinned=panes,
     )
 
@@ -290,7 +293,7 @@ def _middles_of(run: Shown, kind: str) -> Float:
     """The middles (n, 2) of the segments of a kind in the last map."""
     if not len(run.maps):
         return np.zeros((0, 2))
-    last = run.maps[len(run.maps) - 1]
+    last = run.maps[-1]
     chosen = last.segments[last.kinds == kind]
     return np.asarray(chosen.reshape(-1, 2, 2).mean(axis=1))
 
@@ -317,9 +320,8 @@ def _reflectors(run: Shown, since: float) -> Subject | None:
     if not others.any():
         return None
     brighter = np.median(light[seen[most]]) / np.median(light[others])
-    words = f"Reflectors: {brighter:.0f} × as bright as walls"
-    scans = [scan for number in range(len(times)) for scan in run.scans_at(number)]
-    met = np.unique(reflectors[np.concatenate([scan.walls for scan in scans])])
+    walls = [each.walls for number in range(len(times)) for each in run.scans_at(number)]
+    met = np.unique(reflectors[np.concatenate(walls)])
     met = met[met >= 0]
     middles = run.world.segments.reshape(-1, 2, 2).mean(axis=1)
     share = f"{len(met)} of {counted(count, 'reflector')} met"
@@ -327,7 +329,7 @@ def _reflectors(run: Shown, since: float) -> Subject | None:
         "To a laser, reflectors outshine all else",
         float(times[late[most]]),
         _nearest(run, late[most], scan.points()[seen[most]]),
-        words,
+        f"Reflectors: {brighter:.0f} × as bright as walls",
         found=f"{share}, {brighter:.0f} × as bright as walls",
         told=True,
         staging="reflectors",
@@ -367,7 +369,7 @@ def _false_wall(run: Shown, since: float) -> Subject | None:
 
 
 def _no_wall(run: Shown, wall: Float) -> str:
-    """What is where the map has a false wall (n, 2): walls end on opposite sides of a gap."""
+    """What is where the map has a false wall (n, 2): a gap, where walls end on opposite sides."""
     ends = run.world.segments.reshape(-1, 2) - wall.mean(axis=0)
     away = np.hypot(*ends.T)
     sides = (ends / np.maximum(away, TINY)[:, None])[away < _GAP]
@@ -377,7 +379,7 @@ def _no_wall(run: Shown, wall: Float) -> str:
 
 
 def _apart(places: Float) -> list[Float]:
-    """Places (n, 2) of each of the false walls on which they are close to each other."""
+    """Places (n, 2) in groups, one for each false wall: those of a group are close together."""
     points = shapely.points(places)
     walls = shapely.get_parts(shapely.buffer(shapely.multipoints(points), _TAKEN))
     return [places[shapely.intersects(wall, points)] for wall in walls if not wall.is_empty]
