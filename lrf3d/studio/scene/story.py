@@ -38,8 +38,8 @@ _RISEN = 0.75
 # Largest distance of the camera of a shot, as a share of the overview's.
 _SHARE = 0.75
 
-# Number of directions from which a shot of the robot may be taken.
-_SIDES = 12
+# Directions from which a shot of the robot may be taken [rad].
+_SIDES = np.radians(np.arange(0.0, 360.0, 30.0))
 
 # Angle by which the camera circles the robot in a shot, to each side of its middle [rad].
 _SWAY = np.radians(5.0)
@@ -84,7 +84,7 @@ _HIDDEN = 12.0
 # From which sides [rad] the camera of the proof may look, how steeply down [rad], and which share
 # of the sway it has, by how the subject is seen.
 _PROOFS = {
-    "round": (np.radians(np.arange(0.0, 360.0, 30.0)), np.radians([40.0, 52.0, 64.0, 76.0]), 0.4),
+    "round": (_SIDES, np.radians([40.0, 52.0, 64.0, 76.0]), 0.4),
     "above": (np.radians([-90.0, 0.0]), np.radians([84.0]), 0.0),
     "aside": (np.radians([-45.0, -135.0]), np.radians([22.0, 28.0, 34.0]), 0.4),
 }
@@ -377,14 +377,13 @@ class Story:
         most = _SHARE * float(self._whole.track(aspect).aways.min())
 
         def seen(rigs: _Rigs, above: float = 0.0) -> _Take:
-            sides = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
             tracks = [
                 CameraPath.along(
                     path,
                     path.headings + turn,
                     Rig(min(away, most), steep, shift=rigs.shift),
                 )
-                for turn, away, steep in product(sides, rigs.aways, rigs.steeps)
+                for turn, away, steep in product(_SIDES, rigs.aways, rigs.steeps)
             ]
             return self._seen(tracks, path, moments, aspect, above)
 
