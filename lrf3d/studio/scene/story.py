@@ -47,9 +47,6 @@ _SWAY = np.radians(5.0)
 # Angular speed at which the camera circles the world at the end [rad/s of the film].
 _END_DRIFT = np.radians(6.0)
 
-# Distance of the camera in the end, in that from which the whole is seen.
-_NEAREST = 0.85
-
 # How far its aim moves from the middle of the whole to that of what is pinned, 0…1.
 _LEANS = 0.5
 
@@ -333,7 +330,6 @@ class Story:
             middles=whole.middles + _LEANS * (np.append(places.mean(axis=0), 0.0) - whole.middles),
             turns=whole.turns + np.clip(turned, -_TURNS_IN_END, _TURNS_IN_END),
             steeps=np.full_like(whole.steeps, _END_STEEP),
-            aways=_NEAREST * whole.aways,
         )
 
     def _held(self, track: CameraPath, number: int, times: Float) -> CameraPath:
