@@ -1,7 +1,7 @@
-"""How far is the trajectory of an odometry of clouds off, by the lidar's layers and its noise?
+"""How large are the errors of lidar odometry, by the lidar's layers and its noise?
 
-A drive in a built-in world is seen by lidars of the same field of view. Odometries of others that
-are installed, kiss-icp and small-gicp, find the way from the clouds alone, beside wheels that slip.
+Lidars with the same field of view scan a drive in a built-in world. kiss-icp and small-gicp, where
+installed, estimate the trajectory from the point clouds alone; wheels that slip are the baseline.
 """
 
 import time
@@ -27,16 +27,19 @@ COLUMNS = 512
 """Columns of the lidars."""
 
 STEEPEST = 22.5
-"""The elevations of the outermost layers [°], as of an OS1."""
+"""Elevation of the outermost layers [°], as in an OS1."""
 
 HEIGHT = 1.2
-"""The lidars above the floor [m]."""
+"""Height of the lidars above the floor [m]."""
 
 SPEED = 4.0
 """Speed of the robot [m/s]: 0.4 m from one scan to the next."""
 
 VOXEL = 1.0
-"""Side of a voxel of the clouds' maps [m], the preset of both libraries for such ranges."""
+"""Side of a voxel of small-gicp's map [m], the default of both libraries for such ranges."""
+
+DOWNSAMPLING = 0.25
+"""Side of a voxel in which small-gicp merges the points of a scan [m]."""
 
 Locate = Callable[[Float], Float]
 """From the points (m, 3) of the next scan to the pose (4, 4) of the lidar, in the frame of the
@@ -51,7 +54,7 @@ def bench(
     scans: Annotated[int, "Scans of the drive, ten a second."] = 125,
     figure: Figure = None,
 ) -> Report:
-    """Let odometries of clouds find a drive, and score the trajectories."""
+    """Estimate a drive by lidar odometry, and score the trajectories."""
     report = Report(__doc__.splitlines()[0])
     truth = _drive(world, scans)
     caster = PlanarCaster(load_scenario(world).world)
@@ -92,7 +95,7 @@ def _drive(world: str, scans: int) -> Trajectory:
 
 
 def _off(truth: Trajectory, poses: Float) -> float:
-    """The root mean square of the distances after the best alignment [m]."""
+    """Absolute pose error after the best alignment, root mean square [m]."""
     errors = pose_errors(truth, Trajectory(truth.times, poses)).absolute
     return float(np.sqrt((errors**2).mean()))
 
@@ -104,7 +107,7 @@ def _planar(poses: Float) -> Float:
 
 
 def _odometries() -> Iterator[tuple[str, Locate, bool]]:
-    """The odometries that are installed, before a first scan, and whether they get the floor."""
+    """The installed odometries, newly created, and whether they get points on the floor."""
     if find_spec("kiss_icp"):
         yield "kiss-icp", _kiss_icp(), True
         yield "kiss-icp without the floor", _kiss_icp(), False
@@ -114,7 +117,7 @@ def _odometries() -> Iterator[tuple[str, Locate, bool]]:
 
 def _kiss_icp() -> Locate:
     config = import_module("kiss_icp.config").load_config(None)
-    config.data.deskew = False  # The scans are still ones.
+    config.data.deskew = False  # The lidar stands still during a scan.
     config.registration.max_num_threads = 1
     odometry = import_module("kiss_icp.kiss_icp").KissICP(config)
 
@@ -126,13 +129,13 @@ def _kiss_icp() -> Locate:
 
 
 def _small_gicp() -> Locate:
-    """Scans against a map of Gaussians, the pose predicted by the last motion."""
+    """Scan-to-map registration; the last motion predicts the pose."""
     library: Any = import_module("small_gicp")
     places = library.GaussianVoxelMap(VOXEL)
     last = [np.eye(4), np.eye(4)]
 
     def locate(points: Float) -> Float:
-        cloud, _ = library.preprocess_points(points, 0.25, num_threads=1)
+        cloud, _ = library.preprocess_points(points, DOWNSAMPLING, num_threads=1)
         if places.size():
             expected = last[1] @ np.linalg.inv(last[0]) @ last[1]
             found = library.align(places, cloud, expected, num_threads=1)

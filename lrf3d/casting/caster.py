@@ -197,11 +197,11 @@ class PlanarCaster:
     def along(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
         """Ranges and walls (beams,) up to the first walls, of beams from poses (beams, 3).
 
-        Poses (1, 3) are of all beams.
+        One pose (1, 3) holds for all beams.
         """
         ranges = np.empty(lrf.beams)
         walls = np.empty(lrf.beams, np.int64)
-        # The kernel does not look at what it is given.
+        # The kernel does not check its arguments.
         places = np.ascontiguousarray(poses, np.float64)
         _scanner()(self._plain(lrf.height), lrf.plain, places, ranges, walls)
         return ranges, walls

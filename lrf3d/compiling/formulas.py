@@ -103,7 +103,7 @@ def _chosen(condition: Any, yes: Any, no: Any) -> Any:
 def by_lanes(function: Callable[..., Any], *, width: int = 4, adds: bool = False) -> ByLanes:
     """Decorate a formula that kernels call for LANES rows of columns (width, n): see `ByLanes`.
 
-    Its numbers may be added to the buffer instead.
+    If it `adds`, its numbers are added to the buffer instead of stored.
     """
     if numba.config.DISABLE_JIT:
         return partial(_in_python, function, adds)

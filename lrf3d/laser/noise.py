@@ -107,12 +107,12 @@ def check_scan(scan: object) -> None:
 
 
 def with_ranges(scan: Scan, ranges: Float) -> Scan:
-    """A scan, or a batch, with new ranges of its shape [m]: what most noises return.
+    """Return a scan, or a batch, with other ranges [m] of the same shape, as most noises do.
 
-    For one scan it takes a third of the time of ``dataclasses.replace``, which checks all again.
+    For one scan it takes a third of the time of ``dataclasses.replace``, which checks all fields.
 
     Raises:
-        InputError: They are not as many numbers.
+        InputError: The ranges are not numbers, or have another shape.
 
     Examples:
         >>> import lrf3d
@@ -129,7 +129,7 @@ def with_ranges(scan: Scan, ranges: Float) -> Scan:
         return replace(scan, ranges=distances)
     made = scan.at_time(scan.time)
     made.__dict__["ranges"] = returned(distances, min(scan.range_max, LARGEST_COORDINATE))
-    # They may be those of the other ranges.
+    # Cached hits are those of the old ranges.
     made.__dict__.pop("hits", None)
     return made
 

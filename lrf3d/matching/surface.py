@@ -351,7 +351,7 @@ def _sorted(surface: Records) -> tuple[Float, Int, float, float, int, int, float
     first = np.cumsum(first)
     # Sorted by counting: a third of the time of a merge sort.
     filled = first[:-1].copy()
-    # Behind the last row, zeros whose number is beyond all.
+    # Padding behind the last row: zeros, whose row number is past any end.
     columns = np.zeros((5, 3 * len(surface) + LANES))
     columns[4] = np.inf
     for i in range(len(surface)):

@@ -203,7 +203,7 @@ class Canvas:
             self.marks.append(mark._replace(shape=cut, items=self._items))
 
     def find_paper(self) -> None:
-        """Note that the paper is dark, if lines, or areas as thin as walls, are white, and all."""
+        """Take the paper for dark if all marks are white, and some as thin as lines or walls."""
         white = all(mark.contrast < FAINT for mark in self.marks)
         if white and not all(is_thick(mark.shape) for mark in self.marks):
             self.dark = True

@@ -384,7 +384,7 @@ _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 def _faces(off: Float) -> list[float]:
-    """Distances [m] of the faces of the nearest wall, and of lines between, among lines (k,)."""
+    """Those of the distances [m] of lines (k,) that are of the nearest wall: faces, and between."""
     faces: list[float] = []
     for each in sorted({round(float(each), 6) for each in off}, key=abs):
         wall = [*faces, each]

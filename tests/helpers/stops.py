@@ -20,6 +20,6 @@ def stopping(at):
 
 
 def record_up_to(at, simulation, path, **options):
-    """Record a run that is stopped after so many scans."""
+    """Record a run that is stopped after a number of scans."""
     with pytest.raises(Stop):
         lrf3d.record(simulation, path, progress=stopping(at), **options)

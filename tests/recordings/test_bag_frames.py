@@ -119,7 +119,7 @@ def test_bags_without_what_a_map_needs_are_refused_with_what_is_missing(messages
         lrf3d.map_log(write(tmp_path / "bag", *messages))
 
 
-def test_topics_and_files_that_there_are_none_of_are_named(tmp_path):
+def test_missing_topics_and_files_are_named(tmp_path):
     with pytest.raises(InputError, match=r"no scans on /front; there are /scan"):
         load_log(write(tmp_path / "d", mounted(), *AHEAD, *scans(0.0)), scan_topic="/front")
     (tmp_path / "e").mkdir()

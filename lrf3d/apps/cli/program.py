@@ -10,8 +10,8 @@ import sys
 
 from lrf3d.base.interrupts import asked, handle_signals, ignore_signals
 
-# Allocations between two searches for garbage in cycles, which is rare: Python's usual number takes
-# a fiftieth of the time of a command.
+# Number of allocations between two garbage collections. Cycles are rare, and collecting as often as
+# Python does by default takes 2 % of the time of a command.
 GARBAGE_INTERVAL = 20_000
 
 TYPE_CHECKING = False

@@ -233,7 +233,7 @@ def clear_wall(tree: Tree, beam: Beam, guess: int, reach: float, block: Block, t
 
 @borrower
 def _nearest_of(sifted: Float, base: int, met: Any, nearest: Nearest) -> tuple[bool, Nearest]:
-    """Whether float64 leaves open which wall is nearest; and the nearest, of some and that so far.
+    """Whether float64 leaves open which wall is nearest; and the nearest of all so far.
 
     The walls lie from a base on; which of them count is given as bits.
     """

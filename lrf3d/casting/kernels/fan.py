@@ -108,10 +108,8 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
     waiting = root_waiting(beams)
     seen = tree, fan, 0.0
     top = min(len(tree.walls), 1)
-    node, top = leaf_in_view(seen, edge, low, sketch, waiting, top)
-    while node >= 0:
-        first = tree.links[node, 0]
-        stop = first + tree.links[node, 1]
+    first, stop, top = leaf_in_view(seen, edge, low, sketch, waiting, top)
+    while stop > 0:
         for base in range(first, stop, BATCH):
             batch = min(BATCH, stop - base)
             outline(tree.columns, base, batch, fan, sketch)
@@ -119,18 +117,19 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
                 left_open = draw(base + k, k, sketch, fan, buffer)
                 if left_open != 0:
                     settle(left_open, base + k, tree, fan, buffer)
-        node, top = leaf_in_view(seen, edge, low, sketch, waiting, top)
+        first, stop, top = leaf_in_view(seen, edge, low, sketch, waiting, top)
 
 
 @borrower
 def leaf_in_view(
     seen: tuple[Tree, Fan, float], edge: float, low: Float, sketch: Float, waiting: Records,
     top: int,
-) -> tuple[int, int]:  # fmt: skip
-    """The next leaf that beams may meet of the boxes that wait, or −1, and the new height.
+) -> tuple[int, int, int]:  # fmt: skip
+    """The next leaf that beams may meet: its first row and its end, which are 0 after all.
 
-    What is seen are a tree, a fan, and by how much boxes are wider than they are [rad]; the edge
-    is the least 1 / t that counts. Of the leaf the record at the new height is left.
+    The last number is that of the boxes that still wait; the record behind them is the leaf's.
+    What is seen are a tree, a fan, and an angle [rad] by which boxes are widened on both sides; the
+    edge is the least 1 / t that counts.
     """
     tree, fan, aside = seen
     while top > 0:
@@ -141,13 +140,13 @@ def leaf_in_view(
         first = tree.links[box.node, 0]
         count = tree.links[box.node, 1]
         if count >= 0:
-            return box.node, top
+            return first, first + count, top
         view_boxes(tree.boxes, first, -count, fan, sketch)
         for k in range(index_of(-count)):
             sketch[START + k] -= aside
             sketch[WIDTH + k] += 2.0 * aside
         top = enter_boxes((first, -count), fan, edge, low, sketch, waiting, top)
-    return -1, top
+    return 0, 0, top
 
 
 @inner

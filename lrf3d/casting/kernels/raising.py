@@ -134,10 +134,8 @@ def raise_fan(
     fits = True
     seen = tree, fan, half
     top = min(len(tree.walls), 1)
-    node, top = leaf_in_view(seen, edge, shade, sketch, waiting, top)
-    while node >= 0 and fits:
-        first = tree.links[node, 0]
-        stop = first + tree.links[node, 1]
+    first, stop, top = leaf_in_view(seen, edge, shade, sketch, waiting, top)
+    while stop > 0 and fits:
         for base in range(first, stop, BATCH):
             batch = min(BATCH, stop - base)
             outline(tree.columns, base, batch, fan, sketch)
@@ -149,7 +147,7 @@ def raise_fan(
                     fits &= _raise_open(walls, row, view, sight, skies, left, open_at)
         if half > 0.0:
             _darken(shade, waiting[top].first, waiting[top].stop, sectors.before, covered)
-        node, top = leaf_in_view(seen, edge, shade, sketch, waiting, top)
+        first, stop, top = leaf_in_view(seen, edge, shade, sketch, waiting, top)
     return fits
 
 

@@ -17,12 +17,17 @@ INHERITED = frozenset(
 # Matches the use of a variable, with a value in place of one that is not set.
 VARIABLE = re.compile(r"var\(\s*(--[\w-]+)\s*(?:,\s*((?:[^()]|\([^()]*\))*))?\)")
 
-# Variables whose values are variables.
+# Largest depth of variables whose values use variables.
 DEEPEST = 4
 
-# Matches a choice of two colours, on light paper and on dark, and a colour of three shares.
+# Matches a choice of two colours, one for light paper and one for dark.
 LIGHT = re.compile(r"light-dark\(\s*((?:[^(),]|\([^()]*\))*),.*\)")
+
+# Matches a colour given by three shares.
 SHARES = re.compile(r"color\(\s*[\w-]+\s+([\d.]+%?)\s+([\d.]+%?)\s+([\d.]+%?)(?=[\s/)])[^)]*\)")
+
+# Matches a channel of a colour.
+CHANNEL = re.compile(r"\d*\.?\d+(?:[eE][-+]?\d+)?")
 
 
 def style_sheet(root: Element) -> dict[Element, dict[str, str]]:
@@ -55,7 +60,7 @@ def declarations(text: str) -> dict[str, str]:
     for part in re.sub(r"/\*.*?\*/", "", text).split(";"):
         key, _, value = part.partition(":")
         key = key.strip()
-        # The names of variables are in upper and lower case.
+        # Names of variables are case-sensitive.
         key = key if key.startswith("--") else key.lower()
         found = overruled(found, {key: value.strip()})
     return found
@@ -96,6 +101,5 @@ def painted(text: str) -> Any:
     text = re.sub(r"/\s*(\d+)%", lambda alpha: f"/{float(alpha[1]) / 100:f}", text)
     text = re.sub(r"(?<=[\d%])[\s/]+(?=[\d.])", ",", text)
     if re.match(r"rgba?\([^%]+$", text):
-        channel = r"\d*\.?\d+(?:[eE][-+]?\d+)?"
-        text = re.sub(channel, lambda number: f"{float(number[0]):.0f}", text, count=3)
+        text = CHANNEL.sub(lambda number: f"{float(number[0]):.0f}", text, count=3)
     return svgelements.Color(text)

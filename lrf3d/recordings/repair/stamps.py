@@ -10,7 +10,7 @@ import numpy as np
 from lrf3d.geometry.lines import Float, Int
 from lrf3d.recordings.repair import Repair
 
-if TYPE_CHECKING:  # Which matches scans: readers of files only sort lines.
+if TYPE_CHECKING:  # It imports scan matching, which readers of files do not need.
     from lrf3d.recordings.repair.recording import Recording
 
 # A log is sorted by its stamps where that shortens the path by more than this [m], or where most

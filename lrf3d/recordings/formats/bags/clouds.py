@@ -54,11 +54,11 @@ MOST = 0.9
 # [m] Half the height of the band around a lidar without a level ring.
 HALF_BAND = 0.2
 
-# [m] The heights of the points of planar lasers differ by less, also in the frame of their robot.
+# [m] Upper bound on the spread of heights in clouds of planar lasers, in the frame of the robot.
 FLAT = 0.05
 
-# Largest number of points of planar lasers in a usual step of bearings: four of a fine one's, twice
-# that of two.
+# Largest mean number of points of planar lasers in a usual step of bearings: a fine laser has four,
+# and two of them may share a cloud.
 MOST_FLAT = 8
 
 # [rad] The largest elevation of the first layer above the level: layers are up to 2.2° apart, so
@@ -282,7 +282,7 @@ class CloudScans:
         if self.band is not None:
             frame = self.base or "the lidar, whose mount is unknown"
             return f"points from {self.band[0]:g} to {self.band[1]:g} m above {frame}"
-        # A lidar of known height has it, whatever it meets first.
+        # If the height of the lidar is known, it counts, whatever the first cloud shows.
         middle = self.height or plane
         self.band = middle - HALF_BAND, middle + HALF_BAND
         self._rises = rises and middle == self.height

@@ -385,10 +385,8 @@ def _in_order(form: Form, stamp: Words, placed: bool) -> Layout:
 
 def _poses_are_last(form: Form, begin: int) -> bool:
     """Whether the last three columns have many negative numbers, which the first three have not."""
-    # A single negative number is that of beams without return.
-    first, last = (len({*each[each < 0.0].tolist()}) > 1
-                   for each in (form.table[:, begin : begin + 3], form.table[:, -3:]))  # fmt: skip
-    return last and not first
+    first = form.table[:, begin : begin + 3]
+    return has_several_negative(form.table[:, -3:]) and not has_several_negative(first)
 
 
 def has_several_negative(ranges: Float) -> bool:
