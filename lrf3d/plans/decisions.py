@@ -348,7 +348,7 @@ class Doorway(Decision):
         met = np.flatnonzero(parallel & shapely.intersects(lines, box))
         off = (parts.segments[stands[met], :2] - place) @ across
         # Lines that only end at a side of the opening are no faces of the wall.
-        faces = _faces(off[shapely.intersects(lines[met], middle)])
+        faces = _lines_of_wall(off[shapely.intersects(lines[met], middle)])
         chosen = np.zeros(len(parts.segments), dtype=bool)
         chosen[stands[met[np.isin(np.round(off, 3), np.round(faces, 3))]]] = True
         cut = _without(plan, box, chosen)
@@ -383,7 +383,7 @@ def _cleared(plan: Plan, place: Float, opening: Float) -> Plan:
 _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
-def _faces(off: Float) -> list[float]:
+def _lines_of_wall(off: Float) -> list[float]:
     """Those of the distances [m] of lines (k,) that are of the nearest wall: faces, and between."""
     faces: list[float] = []
     for each in sorted({round(float(each), 6) for each in off}, key=abs):

@@ -384,14 +384,15 @@ class _Reading:
     def is_out_of_order(self) -> bool:
         """Whether scans and the odometry of their poses stand apart, or are out of order."""
         count = len(self.odom_times)
+        if min(count, len(self.rows)) < 2:
+            return False
         poses = [pose for _, pose in self._stamped["odom"]]
         # Poses of TRUEPOS and Odometry messages, which are others, are kept.
         own = {row.scan.pose for row in self.rows}
-        are_apart = len(own) == 1 and {row.place for row in self.rows} in ({-1}, {count - 1})
-        return count > 1 < len(self.rows) and (
-            are_apart
-            or (own <= {CENTRE, *poses} and order_of(self.odom_times, np.array(poses)) is not None)
-        )
+        places = {row.place for row in self.rows}
+        if len(own) == 1 and places in ({-1}, {count - 1}):
+            return True
+        return own <= {CENTRE, *poses} and order_of(self.odom_times, np.array(poses)) is not None
 
     def _other_fans(self) -> tuple[tuple[float, float], ...]:
         """First and last bearings of other fans that scans may have, if messages do not say."""

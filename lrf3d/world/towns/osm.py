@@ -315,7 +315,7 @@ def _rooms(extract: _Extract, fates: dict[int, str]) -> Iterator[Feature]:
         if entrance or role_in_storey(tags) == "opening":
             fates[id(tags)] = ""
             place = shapely.Point(extract.nodes[number])
-            levels = storeys_of(tags) or ("0",) * entrance
+            levels = storeys_of(tags) or (("0",) if entrance else ())
             yield Feature((place,), role="opening", levels=levels)
 
 

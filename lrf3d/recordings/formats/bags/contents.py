@@ -56,6 +56,7 @@ class ScanStream:
     fans: tuple[tuple[float, float], ...] = ()
     note: str = ""
     clouds: CloudScans | None = None
+    # Readings that are lost beyond the limits of their message.
     outside: int = 0
 
     @property
@@ -98,7 +99,8 @@ class ScanStream:
         sent = np.asarray(message.ranges, dtype=np.float64)
         outside = sent[np.isfinite(sent) & (sent > 0.0) & ~np.isfinite(scan.ranges)]
         # A few numbers beyond the limits stand for no return.
-        self.outside += len(outside) * (len(np.unique(outside)) > MOST_CODES)
+        if len(np.unique(outside)) > MOST_CODES:
+            self.outside += len(outside)
         # A range finder whose range_max is infinite does not measure such ranges either.
         scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
         if self.scans and np.array_equal(self.scans[-1].angles, scan.angles):
